@@ -1,0 +1,83 @@
+"""The eye: a pinhole camera, in metres, right-handed, +Y up."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .arrays import Float32, Positions
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where the eye stands and what it looks at."""
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    vertical_fov_deg: float = 35.0  # full angle, in (0, 180)
+
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            value = getattr(self, name)
+            if len(value) != 3 or not all(math.isfinite(float(x)) for x in value):
+                raise InputError("camera", f"{name} is {value!r}, expected three finite numbers")
+            object.__setattr__(self, name, tuple(float(x) for x in value))
+        if not 0 < self.vertical_fov_deg < 180:
+            raise InputError("camera", f"vertical_fov_deg is {self.vertical_fov_deg}, expected 0 to 180")
+        forward = np.subtract(self.target, self.eye)
+        if np.linalg.norm(np.cross(forward, self.up)) < 1e-12 * max(1.0, np.linalg.norm(forward)):
+            raise InputError("camera", "eye, target and up lie on one line; move one of them")
+
+    def axes(self) -> Float32[np.ndarray, "3 3"]:
+        """Rows: right, up, backward (the camera looks along minus the third)."""
+        back = np.subtract(self.eye, self.target)
+        back /= np.linalg.norm(back)
+        right = np.cross(self.up, back)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(back, right), back]).astype(np.float32)
+
+    def to_dict(self) -> dict:
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: object, path: object = "camera") -> Camera:
+        """Raises InputError for unknown or missing fields."""
+        if not isinstance(values, dict) or not {"eye", "target"} <= values.keys():
+            raise InputError(path, 'expected {"eye": [x, y, z], "target": [x, y, z], ...}')
+        if unknown := values.keys() - {"eye", "target", "up", "vertical_fov_deg"}:
+            raise InputError(path, f"unknown camera field {sorted(unknown)[0]!r}")
+        try:
+            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(path, f"camera fields must be numbers: {error}") from None
+
+    @classmethod
+    def open(cls, path: str | Path) -> Camera:
+        """Read a JSON file with ``eye``, ``target`` and optionally ``up``, ``vertical_fov_deg``."""
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+            return cls.from_dict(json.loads(text), path)
+        except OSError as error:
+            raise InputError(path, f"cannot read the camera: {error.strerror}") from None
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+            raise InputError(path, f"not a JSON camera: {error}") from None
+
+    @classmethod
+    def framing(cls, positions: Positions, *, azimuth_deg: float = 35, elevation_deg: float = 18) -> Camera:
+        """A camera that sees all positions, from the front right and a little above."""
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
+        a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+        toward = np.array([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)])
+        fov = 35.0
+        distance = 1.05 * radius / math.sin(math.radians(fov) / 2)
+        eye, target = centre + distance * toward, centre
+        return cls(tuple(eye), tuple(target), vertical_fov_deg=fov)

@@ -1,0 +1,97 @@
+"""Writing files whole or not at all, and reading only what is a regular file.
+
+The only door through which Prelight writes to disk; fault-injection tests replace ``os`` calls here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import stat
+from pathlib import Path
+
+from .errors import InputError, OutputError
+
+
+def explain(error: OSError) -> str:
+    """The operating system's reason in words, with what to do for the common ones."""
+    remedy = {
+        errno.ENOSPC: "the disk is full; free some space and run again",
+        errno.EACCES: "permission denied; choose a folder you may write to",
+        errno.EROFS: "the file system is read-only; choose another folder",
+        errno.EDQUOT: "the disk quota is used up; free some space and run again",
+    }
+    return remedy.get(error.errno or 0) or (error.strerror or str(error)).lower()
+
+
+def refuse_existing(path: Path, *, force: bool) -> None:
+    """Raises OutputError if something is at ``path`` and ``force`` is not set."""
+    if os.path.lexists(path) and not force:
+        raise OutputError(path, "already exists; choose another name or pass --force to replace it")
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _write_all(handle: int, data: bytes | memoryview) -> None:
+    view = memoryview(data).cast("B")
+    while view:
+        view = view[os.write(handle, view[: 1 << 26]) :]
+
+
+def publish(path: Path, data: bytes | memoryview, *, durable: bool = True) -> None:
+    """Write ``data`` to a new name beside ``path``, sync it, then rename it over ``path``.
+
+    Raises OutputError; on failure ``path`` is as it was and nothing is left beside it.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+        try:
+            try:
+                _write_all(handle, data)
+                if durable:
+                    os.fsync(handle)
+            finally:
+                os.close(handle)
+            os.replace(temporary, path)
+            if durable:
+                sync_folder(path.parent)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+            raise
+    except OSError as error:
+        raise OutputError(path, f"cannot write: {explain(error)}") from None
+
+
+def read_regular(path: str | Path, *, limit: int) -> bytes:
+    """All bytes of a regular file of at most ``limit`` bytes.
+
+    Raises InputError for what is missing, not a regular file (a folder, pipe or device), empty or too large.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        with os.fdopen(handle, "rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise InputError(path, "expected a regular file, not a folder, pipe or device")
+            if status.st_size == 0:
+                raise InputError(path, "the file is empty")
+            if status.st_size > limit:
+                raise InputError(path, f"{status.st_size / 1e6:.0f} MB, at most {limit / 1e6:.0f} MB are read")
+            return file.read(limit)
+    except FileNotFoundError:
+        raise InputError(path, "no such file") from None
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(path, f"cannot read: {getattr(error, 'strerror', None) or error}") from None
