@@ -6,6 +6,7 @@ The only door through which Prelight writes to disk; fault-injection tests repla
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import errno
 import os
 import secrets
@@ -95,3 +96,15 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
         if isinstance(error, InputError):
             raise
         raise InputError(path, f"cannot read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def swap_folders(new: Path, old: Path) -> None:
+    """Exchange two folders in one step where the system can, else by two renames."""
+    exchange = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    at_cwd, rename_exchange = -100, 2
+    if exchange and exchange(at_cwd, os.fsencode(new), at_cwd, os.fsencode(old), rename_exchange) == 0:
+        return
+    aside = old.with_name(f".{old.name}.{secrets.token_hex(4)}.replaced")
+    os.rename(old, aside)
+    os.rename(new, old)
+    os.rename(aside, new)

@@ -82,3 +82,30 @@ def solid_angles(resolution: int) -> Float32[np.ndarray, "row column"]:
     table = rectangle_solid_angles(edges, edges).astype(np.float32)
     table.setflags(write=False)
     return table
+
+
+def mean_directions(
+    rectangles: Int32[np.ndarray, "nodes 5"], resolution: int
+) -> Float64[np.ndarray, "nodes 3"]:
+    """∫ω dω / ∫dω over rectangles (face, row, column, height, width) of texels; shorter than one.
+
+    The integral of direction over a spherical polygon is half the sum, over its edges, of the
+    edge's angle times the unit normal of the plane through the edge and the centre (Lambert).
+    """
+    face, row, column, height, width = rectangles.T
+    v = 2.0 * np.stack([row, row, row + height, row + height], -1) / resolution - 1.0
+    u = 2.0 * np.stack([column, column + width, column + width, column], -1) / resolution - 1.0
+    corner = directions(np.repeat(face, 4), u.ravel(), v.ravel()).reshape(-1, 4, 3)
+    following = np.roll(corner, -1, axis=1)
+    normal = np.cross(corner, following)
+    sine = np.linalg.norm(normal, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (corner * following).sum(-1, keepdims=True))
+    flux = 0.5 * (normal / sine * angle).sum(axis=1)
+    area = (
+        _corner_area(u[:, 2], v[:, 2])
+        - _corner_area(u[:, 0], v[:, 2])
+        - _corner_area(u[:, 2], v[:, 0])
+        + _corner_area(u[:, 0], v[:, 0])
+    )
+    outward = np.sign((flux * AXIS[face]).sum(-1))
+    return flux * (outward / area)[:, None]

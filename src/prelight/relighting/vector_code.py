@@ -1,0 +1,78 @@
+"""One tile times its weights, as vector instructions.
+
+Numba leaves the sums of this product in memory, at a third of the speed: written in LLVM's own vector
+types they stay in registers on any processor, and the product runs as fast as memory is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from ..encoding.sparse_tiles import GROUP
+
+_I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+
+
+def tile_product(element: ir.Type) -> Callable:
+    """An intrinsic ``product(tile, index, weights, count, sums)`` of five addresses and numbers.
+
+    Adds, for three channels c and all 32 receivers i of the tile,
+    sums[c][i] += Σ_n weights[n][c] · tile[index[n]][i], n = 0 … count − 1.
+    ``tile`` is uint8 (16 clusters, 32 receivers), ``index`` int32, ``weights`` (count, 3) and ``sums`` (3, 32)
+    of ``element``; all C-contiguous, given as integer addresses; ``count`` at least 1.
+    """
+
+    @intrinsic
+    def product(typing_context, tile, index, weights, count, sums):
+        signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
+        return signature, _code
+
+    def _code(context, builder, signature, arguments):
+        tile, index, weights, count, sums = arguments
+        vector = ir.VectorType(element, GROUP)
+        width = 4 if isinstance(element, ir.FloatType) else 8
+        b = builder
+
+        def at(base, offset, kind):
+            return b.inttoptr(b.add(base, offset), kind.as_pointer())
+
+        def spread(scalar):
+            one = b.insert_element(ir.Constant(vector, ir.Undefined), scalar, ir.Constant(_I32, 0))
+            lanes = ir.Constant(ir.VectorType(_I32, GROUP), [0] * GROUP)
+            return b.shuffle_vector(one, ir.Constant(vector, ir.Undefined), lanes)
+
+        places = [at(sums, ir.Constant(_I64, c * GROUP * width), vector) for c in range(3)]
+        initial = [b.load(place, align=width) for place in places]
+        before, loop, after = b.block, b.append_basic_block("cluster"), b.append_basic_block("done")
+        b.branch(loop)
+
+        b.position_at_end(loop)
+        n = b.phi(_I64)
+        running = [b.phi(vector) for _ in range(3)]
+        row = b.zext(b.load(at(index, b.shl(n, ir.Constant(_I64, 2)), _I32), align=4), _I64)
+        row_at = at(tile, b.mul(row, ir.Constant(_I64, GROUP)), ir.VectorType(_I8, GROUP))
+        T = b.uitofp(b.load(row_at, align=1), vector)
+        first_weight = b.mul(n, ir.Constant(_I64, 3 * width))
+        updated = []
+        for c in range(3):
+            place = at(weights, b.add(first_weight, ir.Constant(_I64, c * width)), element)
+            term = b.fmul(T, spread(b.load(place, align=width)), flags=("contract",))
+            updated.append(b.fadd(running[c], term, flags=("contract",)))
+        following = b.add(n, ir.Constant(_I64, 1))
+        n.add_incoming(ir.Constant(_I64, 0), before)
+        n.add_incoming(following, loop)
+        for phi, start, value in zip(running, initial, updated, strict=True):
+            phi.add_incoming(start, before)
+            phi.add_incoming(value, loop)
+        b.cbranch(b.icmp_signed("<", following, count), loop, after)
+
+        b.position_at_end(after)
+        for place, value in zip(places, updated, strict=True):
+            b.store(value, place, align=width)
+        return context.get_dummy_value()
+
+    return product

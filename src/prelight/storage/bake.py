@@ -1,0 +1,143 @@
+"""A finished bake, opened for reading: memory-mapped, checked, never trusted."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Triangles
+from ..camera import Camera
+from ..errors import DamagedBakeError
+from ..receivers import Receivers
+from .chunks import check_hash, open_chunk
+from .manifest import NAME, LayerRecord, Manifest
+
+_SECONDS = "user.prelight.seconds"
+
+
+@dataclass(frozen=True)
+class Bake:
+    """Transport on disk, ``NAME.prelight``.
+
+    Opening reads the manifest; an array's chunks are checked (size, crc32c) when it is first used.
+    """
+
+    path: Path
+    manifest: Manifest
+
+    @classmethod
+    def open(cls, path: str | Path) -> Bake:
+        """Raises InputError if there is no bake at ``path``, DamagedBakeError if it is not whole."""
+        root = Path(path)
+        return cls(root, Manifest.open(root))
+
+    @cached_property
+    def receivers(self) -> Receivers:
+        """Positions, normals and albedo, ``(R, 3)`` float32 each."""
+        receivers = Receivers(*(self.array(f"scene/{name}") for name in ("positions", "normals", "albedo")))
+        for name in ("positions", "normals", "albedo"):
+            values = getattr(receivers, name)
+            if values.shape != (len(receivers), 3) or not np.isfinite(values).all():
+                raise DamagedBakeError(self.path, f"scene/{name} is not {len(receivers)} finite triples")
+        return receivers
+
+    @cached_property
+    def triangles(self) -> Triangles:
+        """``(F, 3)`` int32 indices of receivers."""
+        triangles = self.array("scene/triangles")
+        if triangles.min() < 0 or triangles.max() >= len(self.receivers):
+            raise DamagedBakeError(self.path, "scene/triangles names receivers that do not exist")
+        return triangles
+
+    @cached_property
+    def cameras(self) -> dict[str, Camera]:
+        return {name: Camera.from_dict(values, self.path) for name, values in self.manifest.scene.cameras.items()}
+
+    @property
+    def layers(self) -> dict[str, LayerRecord]:
+        return self.manifest.layers
+
+    def array(self, name: str) -> np.ndarray:
+        """A whole array, read-only; in memory once if it has several chunks, else mapped."""
+        spec = self.manifest.arrays.get(name)
+        if spec is None:
+            raise DamagedBakeError(self.path, f"array {name} is not in the manifest")
+        chunks = dict(self._chunks(name))
+        if len(chunks) == 1:
+            whole = next(iter(chunks.values()))
+        else:
+            whole = np.empty([n * c for n, c in zip(spec.grid(), spec.chunk_shape, strict=True)], spec.dtype)
+            for index, chunk in chunks.items():
+                whole[tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, spec.chunk_shape, strict=True))] = chunk
+        values = whole[tuple(slice(0, n) for n in spec.shape)]
+        values.flags.writeable = False
+        return values
+
+    def _chunks(self, name: str) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+        spec = self.manifest.arrays[name]
+        for index in spec.chunk_indices():
+            key = f"{name}/c/" + "/".join(map(str, index))
+            yield index, open_chunk(self.path, key, spec, self.manifest.chunks[key])
+
+    def verify(self) -> Iterator[tuple[str, int]]:
+        """Check every chunk against its sha256, yielding (key, bytes); DamagedBakeError names the first that differs."""
+        for key, record in self.manifest.chunks.items():
+            check_hash(self.path, key, record.size, record.sha256)
+            yield key, record.size
+        for name, spec in self.manifest.arrays.items():
+            path = self.path / name / "zarr.json"
+            if not path.is_file() or path.read_bytes() != spec.zarr_metadata():
+                raise DamagedBakeError(self.path, f"{name}/zarr.json is missing or altered")
+
+    @property
+    def seconds(self) -> float | None:
+        """What the bake took where it was made, if the file system kept the note (see ``note_seconds``)."""
+        try:
+            return struct.unpack("<d", os.getxattr(self.path / NAME, _SECONDS))[0]
+        except (OSError, AttributeError, struct.error):
+            return None
+
+    def note_seconds(self, seconds: float) -> None:
+        """Keep the wall time as an extended attribute: beside the bytes, not among them, so that
+        two bakes of the same thing stay identical. Lost where attributes are not supported."""
+        try:
+            os.setxattr(self.path / NAME, _SECONDS, struct.pack("<d", seconds))
+        except (OSError, AttributeError):
+            return
+
+    def summary(self) -> dict[str, Any]:
+        """What ``prelight inspect --json`` prints."""
+        manifest = self.manifest
+        layers = [
+            {
+                "kind": layer.kind,
+                "name": name,
+                "basis_lights": layer.basis_lights,
+                "coefficients": layer.coefficients,
+                "bytes": manifest.bytes_of(f"layers/{name}/"),
+                "seconds": self.seconds,
+                "rays": layer.rays,
+                "parameters": layer.parameters,
+                "statistics": layer.statistics,
+            }
+            for name, layer in manifest.layers.items()
+        ]
+        return {
+            "path": str(self.path),
+            "scene": manifest.scene.name,
+            "digest": manifest.scene.digest,
+            "receivers": manifest.arrays["scene/positions"].shape[0],
+            "triangles": manifest.arrays["scene/triangles"].shape[0],
+            "cameras": sorted(manifest.scene.cameras),
+            "notes": manifest.scene.notes,
+            "bytes": manifest.bytes_of(""),
+            "layers": layers,
+            "software": manifest.software,
+        }
