@@ -17,7 +17,8 @@ import numpy as np
 
 from ..bases.quadtree import LeafCover
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, encode_panel, groups_of
-from ..errors import InterruptedBakeError, PrelightError
+from ..errors import InterruptedBakeError
+from ..files import refuse_existing
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.chunks import ArraySpec, ChunkRecord
@@ -36,8 +37,11 @@ def bake_environment(
     scene: Scene,
     path: str | Path,
     *,
-    settings: EnvironmentSettings | None = None,
-    plan: EnvironmentPlan | None = None,
+    resolution: int = 256,
+    tolerance: float | None = None,
+    epsilon: float | None = None,
+    samples_per_side: int = 3,
+    memory: int | None = None,
     resume: bool = False,
     force: bool = False,
     report: Report | None = None,
@@ -46,10 +50,8 @@ def bake_environment(
 
     Parameters
     ----------
-    settings
-        Resolution, tolerance, samples and memory; see EnvironmentSettings.
-    plan
-        What ``plan_environment`` returned for the same scene and settings, so as not to plan twice.
+    resolution, tolerance, epsilon, samples_per_side, memory
+        See EnvironmentSettings.
     resume, force
         Go on with an interrupted bake of the same settings; replace what is there.
     report
@@ -66,19 +68,30 @@ def bake_environment(
     MissingExtraError
         Mitsuba or its LLVM is not installed.
     """
-    settings = settings or EnvironmentSettings()
+    settings = EnvironmentSettings(resolution, tolerance, epsilon, samples_per_side, memory)
+    refuse_existing(Path(path), force=force)
+    plan = plan_environment(scene, settings)
+    return bake_planned(scene, path, plan=plan, resume=resume, force=force, report=report)
+
+
+def bake_planned(
+    scene: Scene,
+    path: str | Path,
+    *,
+    plan: EnvironmentPlan,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+) -> Bake:
+    """Carry out a plan of the same scene; otherwise as ``bake_environment``."""
+    settings = plan.settings
     writer = BakeWriter(Path(path), settings=_identity(scene, settings), resume=resume, force=force)
+    started = time.perf_counter()
     try:
-        started = time.perf_counter()
-        if writer.complete is None:
-            plan = plan or plan_environment(scene, settings)
-            started = time.perf_counter()
-            manifest = _LayerWriter(scene, settings, plan, writer, report).run()
-        else:
-            manifest = writer.complete
+        manifest = writer.complete or _LayerWriter(scene, settings, plan, writer, report).run()
         writer.publish(manifest)
-    except KeyboardInterrupt:
-        raise InterruptedBakeError(path, "stopped; run the same command with --resume to go on") from None
+    except KeyboardInterrupt as stop:
+        raise InterruptedBakeError(path, "stopped; run the same command with --resume to go on") from stop
     finally:
         writer.close()
     bake = Bake.open(path)
@@ -263,5 +276,3 @@ def _whole(values: np.ndarray) -> ArraySpec:
     """An array in one chunk."""
     return ArraySpec(shape=list(values.shape), dtype=values.dtype.name, chunk_shape=list(values.shape))
 
-
-__all__ = ["EnvironmentPlan", "EnvironmentSettings", "PrelightError", "bake_environment", "plan_environment"]

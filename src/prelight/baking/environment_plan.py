@@ -79,9 +79,9 @@ class EnvironmentSettings:
 class EnvironmentPlan:
     """An estimate, and how the work is cut to stay within memory."""
 
+    settings: EnvironmentSettings
     receivers: int
     triangles: int
-    resolution: int
     tolerance: float
     clusters: int
     rays: int  # active lanes
@@ -94,8 +94,8 @@ class EnvironmentPlan:
 
     def summary(self) -> dict:
         """What ``--dry-run --json`` prints."""
-        names = ("receivers", "triangles", "resolution", "tolerance", "clusters", "rays", "seconds", "memory", "bytes")
-        return {name: getattr(self, name) for name in names}
+        names = ("receivers", "triangles", "tolerance", "clusters", "rays", "seconds", "memory", "bytes")
+        return {"resolution": self.settings.resolution} | {name: getattr(self, name) for name in names}
 
 
 def machine_memory() -> int:
@@ -138,9 +138,9 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
     size = int(tiles * panels * PANEL * (-(-R // GROUP) * GROUP)) + R * 40 + len(scene.triangles) * 12
     seconds = lanes_traced * scale * trace_seconds + nodes * node_seconds + size / 400e6 + panels * 0.02
     return EnvironmentPlan(
+        settings=settings,
         receivers=R,
         triangles=len(scene.triangles),
-        resolution=settings.resolution,
         tolerance=settings.tolerance_for(R),
         clusters=len(found),
         rays=int(rays * scale),

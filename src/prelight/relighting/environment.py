@@ -114,13 +114,13 @@ class EnvironmentRelighter:
         return self._radiance.copy()
 
     def set_cube(self, cube: CubeMap) -> Update:
-        """Replace the whole environment; only the clusters whose light changes are summed again."""
+        """Replace the whole environment (copied); only the clusters whose light changes are summed again."""
         R = self.layer.resolution
         if cube.shape != (6, R, R, 3):
             raise InputError("environment", f"a cube map of shape {cube.shape}, expected (6, {R}, {R}, 3)")
         cube = _radiances(cube)
         started = time.perf_counter()
-        self._cube = cube
+        self._cube[...] = cube
         return self._set_light(np.arange(len(self._light)), started)
 
     def edit(self, face: int, rows: slice, columns: slice, radiance: np.ndarray) -> Update:

@@ -107,4 +107,4 @@ class Relighter:
         return self._view(self.camera(camera), width, height).draw(self.radiance, background=behind)
 
     def _new_view(self, camera: Camera, width: int, height: int) -> View:
-        return View(self.bake.receivers.positions, self.bake.triangles, camera, width=width, height=height)
+        return View(self.bake.receivers.positions, self.bake.triangles, camera=camera, width=width, height=height)

@@ -78,14 +78,23 @@ class BakeWriter:
             os.close(self._lock)
             raise OutputError(self.partial, "another process is writing this bake; wait for it or choose another name") from None
         if existed and not resume:
-            for entry in self.partial.iterdir():
-                if entry.name != _LOCK:
-                    shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
+            self._clear()
         self.complete = self._complete_manifest(settings)
-        self.entries = self._read(settings)
+        try:
+            self.entries = self._read(settings)
+        except InputError:
+            if not self.force:
+                raise
+            self._clear()
+            self.entries = []
         lines = [self._line({"settings": settings}), *(self._line(entry) for entry in self.entries)]
         publish(self.partial / _JOURNAL, b"".join(lines))
         self._journal = os.open(self.partial / _JOURNAL, os.O_WRONLY | os.O_APPEND)
+
+    def _clear(self) -> None:
+        for entry in self.partial.iterdir():
+            if entry.name != _LOCK:
+                shutil.rmtree(entry) if entry.is_dir() and not entry.is_symlink() else entry.unlink()
 
     def _complete_manifest(self, settings: dict[str, Any]) -> Manifest | None:
         """The manifest of a bake that was stopped between its last chunk and its publication."""

@@ -18,13 +18,16 @@ def integrate_exactly(
     *,
     receivers: Int32[np.ndarray, "chosen"],
     cube: CubeMap,
-) -> Float64[np.ndarray, "chosen 3"]:
-    """Σ_j L(d_j) Δω_j V(x_i, d_j) max(d_j · n_i, 0) / π over all 6R² lights (Eq. 1), albedo left out."""
+) -> Float64[np.ndarray, "chosen channels"]:
+    """Σ_j L(d_j) Δω_j V(x_i, d_j) max(d_j · n_i, 0) / π over all 6R² lights (Eq. 1), albedo left out.
+
+    ``cube`` may have any number of channels, so that several maps share their rays.
+    """
     R = cube.shape[1]
     n = normals[receivers]
     visibility = Visibility(positions, triangles, origins=positions[receivers], normals=n)
-    light = (cube * solid_angles(R)[None, :, :, None]).reshape(-1, 3)
-    total = np.zeros((len(receivers), 3))
+    light = (cube * solid_angles(R)[None, :, :, None]).reshape(6 * R * R, -1)
+    total = np.zeros((len(receivers), light.shape[1]))
     step = max(1, _PAIRS // len(receivers))
     for start in range(0, len(light), step):
         texels = np.arange(start, min(start + step, len(light)))

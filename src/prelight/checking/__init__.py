@@ -1,0 +1,1 @@
+"""Is it true? Machine speeds, error figures and statistics; may import everything but the command line."""

@@ -1,0 +1,51 @@
+"""Values that several commands take, and what they may look like."""
+
+from __future__ import annotations
+
+import re
+
+from ..errors import InputError
+
+_UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12,
+          "K": 10**3, "M": 10**6, "G": 10**9, "KIB": 2**10, "MIB": 2**20, "GIB": 2**30}  # fmt: skip
+
+
+def memory(text: str | None) -> int | None:
+    """``4GB``, ``800 MB``, ``2GiB`` or a number of bytes."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]*)\s*", text)
+    if not match or match[2].upper() not in _UNITS:
+        raise InputError("--memory", f"{text!r}, expected a size such as 4GB or 800MB")
+    return int(float(match[1]) * _UNITS[match[2].upper()])
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """``1280x720``: width and height, 1 to 16384 pixels each."""
+    match = re.fullmatch(r"(\d{1,5})[x×](\d{1,5})", text)
+    if not match or not (1 <= int(match[1]) <= 16384 and 1 <= int(match[2]) <= 16384):
+        raise InputError("--size", f"{text!r}, expected WIDTHxHEIGHT such as 1280x720")
+    return int(match[1]), int(match[2])
+
+
+def colour(option: str, text: str) -> tuple[float, float, float]:
+    """``0.9,0.8,0.7``: linear red, green, blue; one number is grey."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 1:
+        numbers *= 3
+    if len(numbers) != 3:
+        raise InputError(option, f"{text!r}, expected one number or three such as 1,0.9,0.8")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def exposure(text: str) -> str | float:
+    """``auto`` or stops."""
+    if text == "auto":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError("--exposure", f"{text!r}, expected auto or a number of stops such as -1.5") from None

@@ -1,0 +1,99 @@
+"""``prelight doctor``: what this machine has, and how fast it is."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from ..errors import PrelightError
+from . import printing
+
+_PACKAGES = ("prelight", "mitsuba", "drjit", "numba", "numpy", "OpenEXR", "trimesh")
+
+
+def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """Say what this machine has for Prelight, how fast it traces and reads memory, and what is missing.
+
+    Parameters
+    ----------
+    json
+        Print one JSON object on standard output.
+    """
+    found = _machine() | _llvm() | _speeds()
+    if json:
+        printing.say_json(found)
+        return
+    mega = f"{found['vertex_directions_per_second'] / 1e6:.0f} M vertex-directions/s" if found["can_bake"] else "no"
+    printing.table(
+        [
+            ("system", found["system"]),
+            ("python", found["python"]),
+            ("processors", f"{found['processors']}, {printing.size(found['memory'])} of memory"),
+            ("packages", ", ".join(f"{name} {number or 'missing'}" for name, number in found["packages"].items())),
+            ("libLLVM", f"{found['llvm_version']} at {found['llvm_path']}" if found["llvm_path"] else "none that works"),
+            ("threads", f"{found['threads']}, by {found['threading_layer']}"),
+            ("memory is read at", f"{found['read_bytes_per_second'] / 1e9:.1f} GB/s"),
+            ("relights", "yes"),
+            ("bakes", f"{mega}{', ' + found['variant'] if found['variant'] else ''}"),
+            *(("to do", advice) for advice in found["advice"]),
+        ]
+    )
+
+
+def _machine() -> dict[str, Any]:
+    def number(name: str) -> str | None:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            return None
+
+    return {
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "python": f"{platform.python_version()} at {sys.executable}",
+        "processors": os.cpu_count(),
+        "memory": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        "packages": {name: number(name) for name in _PACKAGES},
+    }
+
+
+def _llvm() -> dict[str, Any]:
+    from ..scene.variant import find_llvm
+
+    library = find_llvm()
+    return {
+        "llvm_path": None if library is None else str(library.path),
+        "llvm_version": None if library is None else str(library.version),
+    }
+
+
+def _speeds() -> dict[str, Any]:
+    import numba
+
+    from ..checking.machine import read_bandwidth, tracing_speed
+
+    advice = []
+    figures: dict[str, Any] = {"read_bytes_per_second": read_bandwidth()}
+    figures |= {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}
+    if sys.platform == "linux" and not _loads("libgomp.so.1") and figures["threading_layer"] == "workqueue":
+        advice.append("install libgomp, so that several threads may relight: sudo apt-get install -y libgomp1")
+    try:
+        speed, variant = tracing_speed()
+        figures |= {"can_bake": True, "variant": variant, "vertex_directions_per_second": speed}
+    except PrelightError as error:
+        figures |= {"can_bake": False, "variant": None, "vertex_directions_per_second": None}
+        advice.append(str(error))
+    return figures | {"advice": advice}
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True

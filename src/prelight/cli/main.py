@@ -1,0 +1,88 @@
+"""``prelight``: the commands, and how errors become one line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import NoReturn
+
+import cyclopts
+
+from .. import __version__
+from ..errors import InterruptedBakeError, PrelightError, printable
+from . import bake, demo, doctor, inspect, relight, verify
+
+EXIT_FAULT, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+
+app = cyclopts.App(
+    name="prelight",
+    version=__version__,
+    help="""Trace a static scene once, then change its light in milliseconds.
+
+A bake keeps how much of each environment light reaches each vertex; relighting multiplies.
+Begin with `prelight demo`, or: `prelight bake environment MESH.ply --floor 3 -o MESH.prelight`, then
+`prelight relight MESH.prelight SKY.hdr -o picture.png`.
+
+Exit codes: 0 done, 1 a fault of Prelight, 2 bad input, 3 reading or writing failed, 4 a damaged bake,
+130 interrupted.""",
+    help_format="markdown",
+    version_flags=["--version"],
+)
+app.command(demo.demo)
+app.command(bake.app, name="bake")
+app.command(relight.relight)
+app.command(inspect.inspect)
+app.command(verify.verify)
+app.command(doctor.doctor)
+app.register_install_completion_command(add_to_startup=False)
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, unwound like Ctrl-C so that a bake stays resumable."""
+
+
+def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
+    raise _Terminated
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command and exit with its code."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command; its exit code. ``PRELIGHT_DEBUG=1`` lets tracebacks through."""
+    if os.environ.get("PRELIGHT_DEBUG") == "1":
+        app(arguments, exit_on_error=False, result_action="return_value")
+        return 0
+    try:
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        return 0
+    except cyclopts.CycloptsError as error:
+        return _fail(" ".join(str(error).split()) + " (see prelight --help)", EXIT_INPUT)
+    except InterruptedBakeError as error:
+        code = 143 if isinstance(error.__cause__, _Terminated) else error.exit_code
+        return _fail(str(error), code)
+    except PrelightError as error:
+        return _fail(str(error), error.exit_code)
+    except _Terminated:
+        return _fail("stopped", 143)
+    except KeyboardInterrupt:
+        return _fail("interrupted", EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        sys.stdout = None  # the reader went away, as `| head` does
+        return 0
+    except MemoryError:
+        return _fail("out of memory; pass a smaller --memory, --resolution or --size", EXIT_INPUT)
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        return _fail(f"a fault of Prelight: {what}; run again with PRELIGHT_DEBUG=1 and report it", EXIT_FAULT)
+
+
+def _fail(message: str, code: int) -> int:
+    sys.stderr.write(f"prelight: {printable(message)}\n")
+    return code

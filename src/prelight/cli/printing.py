@@ -1,0 +1,67 @@
+"""What the commands print: JSON for programs, tables and progress for people."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from ..errors import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def say(text: str) -> None:
+    """A line for a person, on standard output."""
+    sys.stdout.write(text + "\n")
+
+
+def say_json(values: dict[str, Any]) -> None:
+    """One object on standard output."""
+    say(json.dumps(values, indent=2, allow_nan=False))
+
+
+def size(count: float) -> str:
+    """Bytes in words."""
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= scale:
+            return f"{count / scale:.3g} {unit}"
+    return f"{int(count)} bytes"
+
+
+def duration(seconds: float) -> str:
+    """Seconds in words."""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def table(rows: list[tuple[str, str]]) -> None:
+    """Two columns, aligned."""
+    width = max(len(name) for name, _ in rows)
+    for name, value in rows:
+        say(f"{name:<{width}}  {printable(value)}")
+
+
+@contextmanager
+def progress_bar(label: str) -> Iterator[Callable[[float, float, int], None]]:
+    """A bar on standard error; the yielded function takes fraction, seconds left and clusters."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[note]}")]
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task(label, total=1.0, note="")
+
+        def report(fraction: float, seconds_left: float, clusters: int) -> None:
+            note = f"{clusters:,} clusters, {duration(seconds_left)} left" if fraction < 1 else f"{clusters:,} clusters"
+            progress.update(task, completed=fraction, note=note)
+
+        yield report

@@ -1,0 +1,127 @@
+"""``prelight relight``: a bake under a light, as a picture or as radiance."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..relighting.relighter import Relighter
+
+
+def relight(
+    bake: Path,
+    rig: str,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    layout: str | None = None,
+    rotate: float = 0.0,
+    scale: float = 1.0,
+    tint: str = "1,1,1",
+    camera: str | None = None,
+    size: str = "1280x720",
+    background: str = "environment",
+    exposure: str = "auto",
+    curve: str = "filmic",
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Light a bake and write a picture, or the radiance of its receivers.
+
+    Parameters
+    ----------
+    bake
+        NAME.prelight, made by `prelight bake`.
+    rig
+        An environment map (.hdr or .exr), stock:NAME (stock:sunset, stock:studio, …), or a rig file (.toml)
+        with a table [environment] of map, layout, rotate_deg, scale and tint.
+    output
+        .png (as displayed), .exr (linear picture) or .npy (linear radiance of the receivers, (R, 3) float32,
+        in receiver order). Without it only the figures are printed.
+    layout
+        How the map is folded: latlong, angular or cross; recognised by its proportions if not given.
+    rotate
+        Turn the environment about +Y, degrees counter-clockwise seen from above.
+    scale
+        Factor of the environment's radiance.
+    tint
+        Factors of its red, green and blue, such as 1,0.9,0.8.
+    camera
+        The name of a camera in the bake, or a JSON file with eye, target, up and vertical_fov_deg.
+    size
+        Width and height of the picture.
+    background
+        environment (the map behind the scene), none, or a linear colour such as 0.1,0.1,0.12.
+    exposure
+        auto, or stops.
+    curve
+        Tone curve of .png: filmic or linear.
+    force
+        Replace the output.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..files import refuse_existing
+
+    if output is not None:
+        if output.suffix.lower() not in (".png", ".exr", ".npy"):
+            raise InputError(output, "expected a name ending in .png, .exr or .npy")
+        refuse_existing(output, force=force)
+    width, height = arguments.picture_size(size)
+    stops = arguments.exposure(exposure)
+    behind = _background(background)
+
+    from ..lighting.rig import Rig
+    from ..relighting.relighter import Relighter
+
+    light = Relighter(bake)
+    environment = Rig.open(rig, layout=layout).environment
+    environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
+    started = time.perf_counter()
+    light.environment = environment
+    resampled = (time.perf_counter() - started) * 1e3 - light.last.milliseconds
+    light.refresh()
+    figures = {
+        "milliseconds": light.last.milliseconds,
+        "bytes_read": light.last.bytes_read,
+        "resample_milliseconds": resampled,
+        "clusters": light.last.clusters,
+        "receivers": len(light.bake.receivers),
+        "output": None if output is None else str(output),
+    }
+    if output is not None and output.suffix.lower() == ".npy":
+        from ..images.formats import write_npy
+
+        write_npy(output, light.radiance)
+    elif output is not None:
+        picture = light.picture(_camera(light, camera), width=width, height=height, background=behind)
+        picture.save(output, force=force, exposure=stops, curve=curve)
+    if json:
+        printing.say_json(figures)
+        return
+    printing.say(
+        f"relit {figures['receivers']:,} receivers in {figures['milliseconds']:.1f} ms "
+        f"({printing.size(figures['bytes_read'])} read; the map was resampled in {resampled:.0f} ms)"
+        + (f"\n{output}" if output is not None else "")
+    )
+
+
+def _background(text: str) -> str | tuple[float, float, float] | None:
+    if text == "environment":
+        return text
+    return None if text == "none" else arguments.colour("--background", text)
+
+
+def _camera(light: Relighter, camera: str | None):
+    from ..camera import Camera
+
+    if camera is not None and camera.endswith(".json"):
+        return Camera.open(camera)
+    return light.camera(camera)
