@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# Everything a change must pass: format, lint, types, import contract, tests. Arguments go to pytest.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bash scripts/setup.sh
+PATH="$PWD/.venv/bin:${PATH:-/usr/bin:/bin}"
+export PATH
+
+ruff check --quiet
+ruff format --check --quiet
+ty check --quiet
+lint-imports --no-logo >/dev/null || lint-imports --no-logo # once more to say what is wrong
+exec python -m pytest -q "$@"
