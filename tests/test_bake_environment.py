@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from prelight.baking.clustering import cluster_lights
+from prelight.baking.clustering import ClusterTest, cluster_lights
 from prelight.baking.environment import bake_environment, bake_planned
 from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
 from prelight.bases.cube_map import texel_directions
@@ -113,15 +113,16 @@ def test_blocks_lanes_and_memory_do_not_change_a_byte():
         found = cluster_lights(
             visibility,
             scene.normals,
-            resolution=27,
-            tolerance=0.06,
-            samples_per_side=3,
-            block=block,
+            ClusterTest(27, 0.06, 3),
             covered=np.zeros((0, 5), np.int32) if covered is None else covered,
+            block=block,
             lanes=lanes,
         )
         groups = [group for group, _ in found]
-        return [np.concatenate([getattr(g, name) for g in groups]) for name in ("leaves", "columns", "scale", "rays")]
+        return [
+            np.concatenate([getattr(g, name) for g in groups])
+            for name in ("leaves", "columns", "scale", "rays")
+        ]
 
     reference = run(4096, 1 << 25)
     assert LeafCover(reference[0], 27).is_complete
@@ -141,8 +142,11 @@ def test_every_accepted_cluster_passed_equation_11(rng):
     groups = [
         group
         for group, _ in cluster_lights(
-            visibility, scene.normals, resolution=R, tolerance=tolerance, samples_per_side=3, block=64,
-            covered=np.zeros((0, 5), np.int32), lanes=1 << 25,
+            visibility,
+            scene.normals,
+            ClusterTest(R, tolerance, 3),
+            covered=np.zeros((0, 5), np.int32),
+            block=64,
         )
     ]  # fmt: skip
     leaves = np.concatenate([g.leaves for g in groups])

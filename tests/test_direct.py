@@ -40,12 +40,16 @@ def test_distances_and_means_are_equations_9_to_11(receivers, rng):
     direct.squared_distances(bits, rows, d, by_axis, distance)
     columns, scale = np.empty((nodes, receivers), np.uint8), np.empty(nodes, np.float32)
     used = (rows >= 0)[..., None]
-    centre = (np.where(used, d, 0).sum(axis=1) / used.sum(axis=1) * 0.99).astype(np.float32)  # not the mean itself
+    centre = (np.where(used, d, 0).sum(axis=1) / used.sum(axis=1) * 0.99).astype(
+        np.float32
+    )  # not the mean itself
     direct.quantized_means(bits, rows, d, centre, by_axis, columns, scale)
 
     for n in range(nodes):
         used = rows[n] >= 0
-        T = np.stack([plain_transfer(bits[r], v, normals) for r, v in zip(rows[n][used], d[n][used], strict=True)])
+        T = np.stack(
+            [plain_transfer(bits[r], v, normals) for r, v in zip(rows[n][used], d[n][used], strict=True)]
+        )
         T_C = T.mean(axis=0)
         np.testing.assert_allclose(distance[n][used], ((T - T_C) ** 2).sum(axis=1), rtol=1e-4, atol=1e-9)
         assert (distance[n][~used] == 0).all()
@@ -62,7 +66,9 @@ def test_a_receiver_sees_what_is_not_behind_something():
     roof = grid(5, size=1.0, height=0.5)
     scene = scene_of(grid(21, size=3.0), roof)
     floor = slice(0, 21 * 21)
-    v = Visibility(scene.positions, scene.triangles, origins=scene.positions[floor], normals=scene.normals[floor])
+    v = Visibility(
+        scene.positions, scene.triangles, origins=scene.positions[floor], normals=scene.normals[floor]
+    )
     low = np.float32([np.cos(0.05), np.sin(0.05), 0])
     d = np.stack([[0, 1, 0], [0, -1, 0], low]).astype(np.float32)
     bits, rays = v.trace(d)

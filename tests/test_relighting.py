@@ -41,7 +41,10 @@ def plainly(bake, layer, cube) -> np.ndarray:
     """Eq. 8 in float64, from the decoded bytes."""
     omega = solid_angles(R).astype(np.float64)[..., None]
     light = np.array(
-        [(cube[f, i : i + h, j : j + w] * omega[i : i + h, j : j + w]).sum(axis=(0, 1)) for f, i, j, h, w in layer.rectangles]
+        [
+            (cube[f, i : i + h, j : j + w] * omega[i : i + h, j : j + w]).sum(axis=(0, 1))
+            for f, i, j, h, w in layer.rectangles
+        ]
     )
     T = np.concatenate([decode_panel(t, p) for t, p in zip(layer.tiles, layer.present, strict=True)])
     assert len(layer.present) * PANEL == len(T)

@@ -6,6 +6,7 @@ import json
 import math
 import re
 import struct
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -354,13 +355,20 @@ def test_indices_out_of_range_and_positions_without_data(load) -> None:
     assert "COLOR_0 has 4 entries, POSITION 3" in refused(load, glb.bytes())
 
 
-def test_instances_are_counted_before_memory_is_taken(load) -> None:
+def test_instances_are_counted_before_memory_is_taken(load, monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand nodes with a mesh of 60,000 vertices: 60 million, from a file of 0.8 MB."""
     glb = Glb()
     glb.node(glb.primitive(np.zeros((60_000, 3), "f4")))
     for _ in range(999):
         glb.node(mesh=0)
-    assert "60,000,000 vertices, at most 50,000,000" in refused(load, glb.bytes())
+    content = glb.bytes()
+    monkeypatch.setattr("prelight.scene.loading.LARGEST_FILE", 10_000_000)  # reading may reserve that much
+    tracemalloc.start()
+    try:
+        assert "60,000,000 vertices, at most 50,000,000" in refused(load, content)
+        assert tracemalloc.get_traced_memory()[1] < 64e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_bytes_after_the_container_and_unknown_chunks_are_passed_over(load) -> None:

@@ -106,8 +106,8 @@ def test_normals_are_made_and_unreferenced_vertices_have_none(load) -> None:
 @pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
 def test_the_files_own_normals_where_they_are_usable(load, encoding: str) -> None:
     """Normalised; zero, NaN and infinity are replaced, huge and tiny ones keep their direction."""
-    given = [(0, 0, 2e30), (0, 3e-30, 4e-30), (0, 0, 0), (float("nan"), 0, 1), (0, 1, 0)]
-    columns = "property float nx\nproperty float ny\nproperty float nz\n"
+    given = [(0, 0, 2e300), (0, 3e-300, 4e-300), (0, 0, 0), (float("nan"), 0, 1), (0, 1, 0)]
+    columns = "property double nx\nproperty double ny\nproperty double nz\n"
     head = header(encoding, 5, 2, columns=columns)
     faces = [(0, 1, 2), (0, 2, 3)]
     if encoding == "ascii":
@@ -115,7 +115,7 @@ def test_the_files_own_normals_where_they_are_usable(load, encoding: str) -> Non
         body = "\n".join(" ".join(map(str, row)) for row in rows).encode()
     else:
         order = ORDERS[encoding]
-        body = b"".join(struct.pack(order + "6f", *p, *n) for p, n in zip(SQUARE, given, strict=True))
+        body = b"".join(struct.pack(order + "3f3d", *p, *n) for p, n in zip(SQUARE, given, strict=True))
         body += b"".join(struct.pack(order + "B3i", 3, *f) for f in faces)
     scene = load(head + body)
     expected = [(0, 0, 1), (0, 0.6, 0.8), (0, 0, 1), (0, 0, 1), (0, 0, 0)]

@@ -55,28 +55,30 @@ def library(tmp_path: Path, head: bytes):
 )
 def test_versions_are_read_from_names(library, name: str, version: tuple | None) -> None:
     found = identify(library(name))
-    assert (found and found.version) == version
+    assert (found and found.numbers) == version
 
 
 @LINUX
-def test_the_newest_usable_library_is_taken(library, tmp_path: Path) -> None:
+def test_the_newest_usable_library_is_taken(library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folders = [tmp_path / "llvm*" / "lib", tmp_path / "usr"]
-    assert find_llvm(folders=folders, linker=False) is None
+    assert find_llvm(chosen="", folders=folders, linker=False) is None
     old = library("usr/libLLVM-16.so.1")
-    assert find_llvm(folders=folders, linker=False) is None
+    assert find_llvm(chosen="", folders=folders, linker=False) is None
     library("usr/libLLVM.so.19.1")
     newest = library("llvm-22/lib/libLLVM.so.22.1")
     library("llvm-22/lib/libLLVM-23.so", b"not a library, but long enough")
     library("usr/libLLVM-24.so").unlink()
     (tmp_path / "usr/libLLVM-25.so").symlink_to(tmp_path / "gone")
-    found = find_llvm(folders=folders, linker=False)
+    found = find_llvm(chosen="", folders=folders, linker=False)
     assert found is not None
-    assert (found.version, found.path) == ((22, 1), newest)
+    assert (found.numbers, found.version, found.path) == ((22, 1), "22.1", newest)
     listed = all_llvm(folders, linker=False)
-    assert [entry.version for entry in listed] == [(16,), (19, 1), (22, 1)]
+    assert [entry.numbers for entry in listed] == [(16,), (19, 1), (22, 1)]
     assert [entry.usable for entry in listed] == [False, True, True]
     chosen = library("mine/libLLVM-20.so")
     assert find_llvm(chosen=str(chosen), folders=folders, linker=False).path == chosen
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", str(chosen))
+    assert find_llvm(folders=folders, linker=False).path == chosen
     for useless in (str(old), str(tmp_path / "absent.so"), str(tmp_path)):
         assert find_llvm(chosen=useless, folders=folders, linker=False).path == newest
 
@@ -86,7 +88,7 @@ def test_a_link_is_the_library_it_leads_to(library, tmp_path: Path) -> None:
     real = library("real/libLLVM-21.1.2.so")
     (tmp_path / "links").mkdir()
     (tmp_path / "links/libLLVM.so").symlink_to(real)
-    assert identify(tmp_path / "links/libLLVM.so").version == (21, 1, 2)
+    assert identify(tmp_path / "links/libLLVM.so").numbers == (21, 1, 2)
     assert len(all_llvm([tmp_path / "links", tmp_path / "real"], linker=False)) == 1
 
 
@@ -108,7 +110,7 @@ def test_a_library_without_a_version_is_asked_in_a_process_of_its_own(
     monkeypatch.setattr(
         llvm, "_ASK", "import sys; print(19, 1, 7) if sys.argv[1].endswith('.so') else exit(1)"
     )
-    assert identify(path).version == (19, 1, 7)
+    assert identify(path).numbers == (19, 1, 7)
     monkeypatch.setattr(llvm, "_ASK", "import os; os.abort()")
     assert identify(path) is None
 
@@ -117,7 +119,7 @@ def test_a_library_without_a_version_is_asked_in_a_process_of_its_own(
 def test_the_library_of_this_machine_says_the_version_of_its_name() -> None:
     found = find_llvm()
     asked = llvm._asked(found.path)
-    assert asked[: len(found.version)] == found.version
+    assert asked[: len(found.numbers)] == found.numbers
 
 
 @pytest.mark.parametrize(
@@ -151,7 +153,7 @@ def test_without_llvm_the_install_line_is_named_before_anything_is_loaded(
 ) -> None:
     monkeypatch.delitem(sys.modules, "drjit", raising=False)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: object())
-    monkeypatch.setattr(variant, "find_llvm", lambda **_: None)
+    monkeypatch.setattr(variant, "find_llvm", lambda: None)
     monkeypatch.setattr(variant, "cuda_present", lambda: False)
     monkeypatch.setattr(variant, "install_line", lambda: "do this")
     monkeypatch.setattr(sys, "platform", "linux")
@@ -199,14 +201,16 @@ def test_a_useless_choice_of_library_is_replaced_before_drjit_sees_it() -> None:
     assert int(major) >= 19
 
 
-OLD = next((entry for entry in all_llvm() if entry.version[0] in (15, 16)), None)
+OLD = next((entry for entry in all_llvm() if entry.numbers[0] in (15, 16)), None)
 
 
 @needs_mitsuba
 @pytest.mark.skipif(OLD is None, reason="no LLVM 15 or 16 here, which would abort")
-def test_an_old_library_that_drjit_has_loaded_before_us_is_refused() -> None:
-    code = """
+@pytest.mark.parametrize("already", ["", "mitsuba.set_variant('llvm_ad_rgb')"])
+def test_an_old_library_that_drjit_has_loaded_before_us_is_refused(already: str) -> None:
+    code = f"""
 import mitsuba
+{already}
 from prelight.errors import MissingExtraError
 from prelight.scene import variant
 try:
@@ -215,7 +219,7 @@ except MissingExtraError as error:
     print(error)
 """
     said = run(code, DRJIT_LIBLLVM_PATH=str(OLD.path))
-    assert said.startswith(f"Dr.Jit has loaded LLVM {OLD.version[0]}.") or said == "cuda_ad_rgb"
+    assert said.startswith(f"Dr.Jit has loaded LLVM {OLD.numbers[0]}.") or said == "cuda_ad_rgb"
     assert "DRJIT_LIBLLVM_PATH=" in said or said == "cuda_ad_rgb"
 
 

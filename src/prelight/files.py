@@ -88,7 +88,9 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
             if status.st_size == 0:
                 raise InputError(path, "the file is empty")
             if status.st_size > limit:
-                raise InputError(path, f"{status.st_size / 1e6:.0f} MB, at most {limit / 1e6:.0f} MB are read")
+                raise InputError(
+                    path, f"{status.st_size / 1e6:.0f} MB, at most {limit / 1e6:.0f} MB are read"
+                )
             return file.read(limit)
     except FileNotFoundError:
         raise InputError(path, "no such file") from None

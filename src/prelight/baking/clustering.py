@@ -16,7 +16,18 @@ from ..arrays import Float32, Normals, UInt8
 from ..bases.cube_map import mean_directions, texel_directions
 from ..bases.quadtree import LeafCover, Nodes, sample_texels, split
 from ..transport.direct import quantized_means, squared_distances
-from ..transport.visibility import Visibility
+from ..transport.visibility import MAX_LANES, Visibility
+
+
+@dataclass(frozen=True)
+class ClusterTest:
+    """When lights are one cluster: what the tree depends on."""
+
+    resolution: int  # R
+    tolerance: (
+        float  # τ: the RMS over receivers of T_C − T_l stays below it for all samples l (Eq. 11, τ = ε√N)
+    )
+    samples_per_side: int  # s
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,9 @@ class _SampleStore:
         wanted = np.unique(texels[texels >= 0])
         missing = np.setdiff1d(wanted, self._texels, assume_unique=True)
         if len(missing):
-            bits, rays = self._visibility.trace(texel_directions(missing, self._resolution), lanes=self._lanes)
+            bits, rays = self._visibility.trace(
+                texel_directions(missing, self._resolution), lanes=self._lanes
+            )
             self.lanes_traced += len(missing) * self._visibility.receivers
             texels_known = np.concatenate([self._texels, missing])
             order = np.argsort(texels_known)
@@ -81,13 +94,11 @@ class _SampleStore:
 def cluster_lights(
     visibility: Visibility,
     normals: Normals,
+    test: ClusterTest,
     *,
-    resolution: int,
-    tolerance: float,
-    samples_per_side: int,
-    block: int,
     covered: Nodes,
-    lanes: int,
+    block: int,
+    lanes: int = MAX_LANES,
 ) -> Iterator[tuple[Clusters, Progress]]:
     """Leaves in Z-order after ``covered``, as many at a time as a block of nodes has settled.
 
@@ -95,12 +106,12 @@ def cluster_lights(
     ----------
     visibility, normals
         The receivers in storage order.
-    tolerance
-        τ: a node is a cluster when the RMS over receivers of T_C − T_l is below τ for all its
-        samples l (Eq. 11 with τ = ε√N).
-    block
-        Open nodes examined at a time; bounds memory, does not change the result.
+    covered
+        Leaves found earlier; the walk goes on behind them.
+    block, lanes
+        Open nodes examined and rays traced at a time; they bound memory and do not change the result.
     """
+    resolution, samples_per_side = test.resolution, test.samples_per_side
     store = _SampleStore(visibility, resolution, lanes)
     by_axis = np.ascontiguousarray(normals.T)
     nodes, parents = LeafCover(covered, resolution).uncovered()
@@ -108,7 +119,7 @@ def cluster_lights(
     carried = np.zeros(len(nodes), np.int64)  # rays of ancestors, paid by their first leaf
     held: dict[int, tuple[np.ndarray, float]] = {}  # first texel of a leaf -> its column and scale
     tested = rays = 0
-    limit = tolerance**2 * visibility.receivers
+    limit = test.tolerance**2 * visibility.receivers
 
     while len(nodes):
         # ---- 4.1 select samples, 4.2 their transfer vectors -----------------------------------
@@ -116,7 +127,9 @@ def cluster_lights(
         texels = sample_texels(nodes[open_nodes], samples_per_side, resolution)
         rows = store.rows_of(texels)
         d = texel_directions(np.maximum(texels, 0).ravel(), resolution).reshape(*texels.shape, 3)
-        new = (texels >= 0) & ~_in_parent(texels, parents[open_nodes], nodes[open_nodes], samples_per_side, resolution)
+        new = (texels >= 0) & ~_in_parent(
+            texels, parents[open_nodes], nodes[open_nodes], samples_per_side, resolution
+        )
         cost = store.rays_of(rows, new)
         carried[open_nodes] += cost
         rays += int(cost.sum())
@@ -139,7 +152,9 @@ def cluster_lights(
         is_leaf[accepted] = True
 
         # ---- quadrisect the others in place ---------------------------------------------------
-        nodes, parents, is_leaf, carried = _quadrisected(nodes, parents, is_leaf, carried, open_nodes[~similar])
+        nodes, parents, is_leaf, carried = _quadrisected(
+            nodes, parents, is_leaf, carried, open_nodes[~similar]
+        )
         settled = len(nodes) if is_leaf.all() else int(np.argmin(is_leaf))
         keys = [int(k) for k in _first_texels(nodes[:settled], resolution)]
         taken = [held.pop(key) for key in keys]
@@ -165,7 +180,9 @@ def _first_texels(nodes: Nodes, resolution: int) -> np.ndarray:
     return (face * resolution + row) * resolution + column
 
 
-def _in_parent(texels: np.ndarray, parents: Nodes, nodes: Nodes, samples_per_side: int, resolution: int) -> np.ndarray:
+def _in_parent(
+    texels: np.ndarray, parents: Nodes, nodes: Nodes, samples_per_side: int, resolution: int
+) -> np.ndarray:
     """Which samples the parent had already: traced once and reused."""
     had = sample_texels(parents, samples_per_side, resolution)
     had[(parents == nodes).all(axis=1)] = -2  # a face has no parent

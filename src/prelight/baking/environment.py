@@ -33,7 +33,7 @@ LAYER = "layers/environment"
 Report = Callable[[float, float, int], None]  # fraction done, seconds left, clusters so far
 
 
-def bake_environment(
+def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks)
     scene: Scene,
     path: str | Path,
     *,
@@ -144,7 +144,9 @@ class _LayerWriter:
     def run(self) -> Manifest:
         entries = self.writer.entries
         leaves = [np.array(e["leaves"], np.int32) for e in entries]
-        cover = LeafCover(np.concatenate(leaves) if leaves else np.zeros((0, 5), np.int32), self.settings.resolution)
+        cover = LeafCover(
+            np.concatenate(leaves) if leaves else np.zeros((0, 5), np.int32), self.settings.resolution
+        )
         if not cover.is_complete:
             self._bake_after(cover)
         return self._manifest()
@@ -159,11 +161,9 @@ class _LayerWriter:
         found = cluster_lights(
             visibility,
             normals,
-            resolution=self.settings.resolution,
-            tolerance=self.settings.tolerance_for(self.receivers),
-            samples_per_side=self.settings.samples_per_side,
-            block=self.plan.block,
+            self.settings.test_for(self.receivers),
             covered=cover.leaves,
+            block=self.plan.block,
             lanes=self.plan.lanes,
         )
         started, before = time.perf_counter(), sum(e["rays"] for e in self.writer.entries)
@@ -275,4 +275,3 @@ def _plain(camera: dict) -> dict:
 def _whole(values: np.ndarray) -> ArraySpec:
     """An array in one chunk."""
     return ArraySpec(shape=list(values.shape), dtype=values.dtype.name, chunk_shape=list(values.shape))
-

@@ -20,7 +20,7 @@ from ..scene.geometry import Scene
 from ..transport.direct import quantized_means, squared_distances
 from ..transport.ordering import receiver_order
 from ..transport.visibility import BYTES_PER_LANE, MAX_LANES, Visibility
-from .clustering import cluster_lights
+from .clustering import ClusterTest, cluster_lights
 
 DEFAULT_TOLERANCE = 0.0135  # the Bunny of the paper at ε = 5e-5
 _PROCESS_BYTES = 500_000_000  # Python, the renderer and its compiler, measured
@@ -56,11 +56,17 @@ class EnvironmentSettings:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.resolution, int) and 1 <= self.resolution <= MAX_RESOLUTION):
-            raise InputError("resolution", f"{self.resolution!r}, expected a whole number from 1 to {MAX_RESOLUTION}")
+            raise InputError(
+                "resolution", f"{self.resolution!r}, expected a whole number from 1 to {MAX_RESOLUTION}"
+            )
         if not (isinstance(self.samples_per_side, int) and 2 <= self.samples_per_side <= 9):
-            raise InputError("samples-per-side", f"{self.samples_per_side!r}, expected a whole number from 2 to 9")
+            raise InputError(
+                "samples-per-side", f"{self.samples_per_side!r}, expected a whole number from 2 to 9"
+            )
         if self.tolerance is not None and self.epsilon is not None:
-            raise InputError("tolerance", "give --tolerance or --epsilon, not both: tolerance = epsilon·√receivers")
+            raise InputError(
+                "tolerance", "give --tolerance or --epsilon, not both: tolerance = epsilon·√receivers"
+            )
         for name in ("tolerance", "epsilon"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and 0 < value <= 1):
@@ -73,6 +79,10 @@ class EnvironmentSettings:
         if self.epsilon is not None:
             return self.epsilon * math.sqrt(receivers)
         return DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
+
+    def test_for(self, receivers: int) -> ClusterTest:
+        """The clustering test for this number of receivers."""
+        return ClusterTest(self.resolution, self.tolerance_for(receivers), self.samples_per_side)
 
 
 @dataclass(frozen=True)
@@ -119,11 +129,9 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
     for group, progress in cluster_lights(
         few,
         normals[chosen],
-        resolution=settings.resolution,
-        tolerance=settings.tolerance_for(R),
-        samples_per_side=settings.samples_per_side,
-        block=4096,
+        settings.test_for(R),
         covered=np.zeros((0, 5), np.int32),
+        block=4096,
         lanes=lanes,
     ):
         leaves.append(group.leaves)
@@ -162,12 +170,17 @@ def _cut(scene: Scene, settings: EnvironmentSettings) -> tuple[int, int, int]:
     if left < BYTES_PER_LANE * R + 8 * _BYTES_PER_NODE * R or left <= 0:
         least = fixed + (BYTES_PER_LANE + 8 * _BYTES_PER_NODE) * R
         raise InputError(
-            "memory", f"{memory / 1e9:.1f} GB is not enough for {R:,} receivers; at least {least / 1e9 + 0.1:.1f} GB is"
+            "memory",
+            f"{memory / 1e9:.1f} GB is not enough for {R:,} receivers; at least {least / 1e9 + 0.1:.1f} GB is",
         )
     lanes = int(min(MAX_LANES, max(R, left // 2 // BYTES_PER_LANE)))
     block = int(min(left // 2 // (_BYTES_PER_NODE * R), max(8, 2 * lanes // (R * s2)), 4096))
     block = max(1, block)
-    return lanes, block, int(fixed + min(lanes, block * s2 * R) * BYTES_PER_LANE + block * _BYTES_PER_NODE * R)
+    return (
+        lanes,
+        block,
+        int(fixed + min(lanes, block * s2 * R) * BYTES_PER_LANE + block * _BYTES_PER_NODE * R),
+    )
 
 
 def _speeds(visibility: Visibility, normals: np.ndarray, leaves: np.ndarray, settings: EnvironmentSettings):
@@ -191,7 +204,9 @@ def _speeds(visibility: Visibility, normals: np.ndarray, leaves: np.ndarray, set
     return traced / (len(d) * visibility.receivers), computed / len(few)
 
 
-def _tile_share(scene: Scene, order: np.ndarray, leaves: np.ndarray, settings: EnvironmentSettings, rng) -> float:
+def _tile_share(
+    scene: Scene, order: np.ndarray, leaves: np.ndarray, settings: EnvironmentSettings, rng
+) -> float:
     """Share of tiles that are not all zero, from whole groups of receivers and each leaf's centre."""
     groups = len(order) // GROUP
     if groups == 0:

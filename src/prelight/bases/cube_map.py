@@ -55,7 +55,9 @@ def texel_directions(texels: Int32[np.ndarray, "directions"], resolution: int) -
 
 def face_coordinates(
     d: Float64[np.ndarray, "directions 3"],
-) -> tuple[Int32[np.ndarray, "directions"], Float64[np.ndarray, "directions"], Float64[np.ndarray, "directions"]]:
+) -> tuple[
+    Int32[np.ndarray, "directions"], Float64[np.ndarray, "directions"], Float64[np.ndarray, "directions"]
+]:
     """Face, u and v of directions (need not be unit); the inverse of ``directions``."""
     major = np.abs(d).argmax(axis=-1)
     along = np.take_along_axis(d, major[..., None], axis=-1)[..., 0]

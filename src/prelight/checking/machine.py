@@ -8,19 +8,19 @@ import numpy as np
 from numba import njit, prange, types
 
 
-@njit([types.int64(types.Array(types.int64, 1, "C", readonly=True), types.int64)], parallel=True, cache=True)
-def _sum(values, threads):
-    total = 0
-    for t in prange(threads):
-        total += _sum_of(values[len(values) * t // threads : len(values) * (t + 1) // threads])
-    return total
-
-
 @njit(cache=True)
 def _sum_of(values):
     total = 0
     for value in values:
         total += value
+    return total
+
+
+@njit([types.int64(types.Array(types.int64, 1, "C", readonly=True), types.int64)], parallel=True, cache=True)
+def _sum(values, threads):
+    total = 0
+    for t in prange(threads):
+        total += _sum_of(values[len(values) * t // threads : len(values) * (t + 1) // threads])
     return total
 
 

@@ -9,7 +9,9 @@ from cyclopts import App, Parameter
 
 from . import arguments, printing
 
-app = App(help="Trace a scene once and keep its light transport in NAME.prelight. One subcommand for each kind of light.")
+app = App(
+    help="Trace a scene once and keep its light transport in NAME.prelight. One subcommand for each kind of light."
+)
 
 
 @app.command
@@ -67,7 +69,9 @@ def environment(
     """
     from ..files import refuse_existing
 
-    target = output or Path((scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight")
+    target = output or Path(
+        (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
+    )
     if not dry_run:
         refuse_existing(target, force=force)
 

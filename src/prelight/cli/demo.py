@@ -50,7 +50,14 @@ def demo(
         picture = light.picture(width=1280, height=720)
         path = output / f"{name}.png"
         picture.save(path, force=True)
-        lit.append({"sky": name, "picture": str(path), "milliseconds": relit, "seconds": time.perf_counter() - started})
+        lit.append(
+            {
+                "sky": name,
+                "picture": str(path),
+                "milliseconds": relit,
+                "seconds": time.perf_counter() - started,
+            }
+        )
         if not json:
             printing.say(f"{path}  relit in {relit:.1f} ms")
     if json:
@@ -87,5 +94,7 @@ def _baked(folder: Path, *, quiet: bool):
         bake = bake_planned(scene, path, plan=plan, resume=True, force=True, report=report)
     seconds = time.perf_counter() - started
     if not quiet:
-        printing.say(f"baked {plan.receivers:,} receivers × {6 * RESOLUTION**2:,} lights in {printing.duration(seconds)}")
+        printing.say(
+            f"baked {plan.receivers:,} receivers × {6 * RESOLUTION**2:,} lights in {printing.duration(seconds)}"
+        )
     return Relighter(bake), seconds

@@ -29,14 +29,26 @@ def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
     if json:
         printing.say_json(found)
         return
-    mega = f"{found['vertex_directions_per_second'] / 1e6:.0f} M vertex-directions/s" if found["can_bake"] else "no"
+    mega = (
+        f"{found['vertex_directions_per_second'] / 1e6:.0f} M vertex-directions/s"
+        if found["can_bake"]
+        else "no"
+    )
     printing.table(
         [
             ("system", found["system"]),
             ("python", found["python"]),
             ("processors", f"{found['processors']}, {printing.size(found['memory'])} of memory"),
-            ("packages", ", ".join(f"{name} {number or 'missing'}" for name, number in found["packages"].items())),
-            ("libLLVM", f"{found['llvm_version']} at {found['llvm_path']}" if found["llvm_path"] else "none that works"),
+            (
+                "packages",
+                ", ".join(f"{name} {number or 'missing'}" for name, number in found["packages"].items()),
+            ),
+            (
+                "libLLVM",
+                f"{found['llvm_version']} at {found['llvm_path']}"
+                if found["llvm_path"]
+                else "none that works",
+            ),
             ("threads", f"{found['threads']}, by {found['threading_layer']}"),
             ("memory is read at", f"{found['read_bytes_per_second'] / 1e9:.1f} GB/s"),
             ("relights", "yes"),
@@ -81,7 +93,9 @@ def _speeds() -> dict[str, Any]:
     figures: dict[str, Any] = {"read_bytes_per_second": read_bandwidth()}
     figures |= {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}
     if sys.platform == "linux" and not _loads("libgomp.so.1") and figures["threading_layer"] == "workqueue":
-        advice.append("install libgomp, so that several threads may relight: sudo apt-get install -y libgomp1")
+        advice.append(
+            "install libgomp, so that several threads may relight: sudo apt-get install -y libgomp1"
+        )
     try:
         speed, variant = tracing_speed()
         figures |= {"can_bake": True, "variant": variant, "vertex_directions_per_second": speed}

@@ -28,20 +28,31 @@ def inspect(bake: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fa
         return
     rows = [
         ("bake", f"{summary['path']}, {printing.size(summary['bytes'])}"),
-        ("scene", f"{summary['scene']}: {summary['receivers']:,} receivers, {summary['triangles']:,} triangles"),
+        (
+            "scene",
+            f"{summary['scene']}: {summary['receivers']:,} receivers, {summary['triangles']:,} triangles",
+        ),
         ("cameras", ", ".join(summary["cameras"]) or "none; pictures frame the whole scene"),
         *(("note", note) for note in summary["notes"]),
     ]
     for layer in summary["layers"]:
-        settings = layer["parameters"]
-        seconds = layer["seconds"]
+        settings, seconds = layer["parameters"], layer["seconds"]
+        lights = (
+            f"{layer['basis_lights']:,} (6×{settings['resolution']}²) in {layer['coefficients']:,} clusters"
+        )
+        threshold = f"{settings['tolerance']:.4g} (epsilon {settings['epsilon']:.4g}), "
+        samples = f"{settings['samples_per_side']}² samples a cluster"
+        nonzero = f"{layer['statistics']['nonzero_share']:.0%} of the elements are not zero"
+        took = f", {printing.duration(seconds)}" if seconds is not None else ""
         rows += [
             ("layer", f"{layer['name']} ({layer['kind']})"),
-            ("  lights", f"{layer['basis_lights']:,} (6×{settings['resolution']}²) in {layer['coefficients']:,} clusters"),
-            ("  tolerance", f"{settings['tolerance']:.4g} (epsilon {settings['epsilon']:.4g}, {settings['samples_per_side']}² samples a cluster)"),
-            ("  size", f"{printing.size(layer['bytes'])}, {layer['statistics']['nonzero_share']:.0%} of the elements are not zero"),
-            ("  cost", f"{layer['rays'] / 1e9:.3g} G rays" + (f", {printing.duration(seconds)}" if seconds is not None else "")),
-            ("  loses", "light bounced between surfaces, gloss and textures; a light's shadow within the tolerance"),
-        ]  # fmt: skip
-    rows.append(("made with", ", ".join(f"{name} {version}" for name, version in summary["software"].items())))
+            ("  lights", lights),
+            ("  tolerance", threshold + samples),
+            ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
+            ("  cost", f"{layer['rays'] / 1e9:.3g} G rays{took}"),
+            ("  loses", "bounced light, gloss and textures; within the tolerance, the edges of shadows"),
+        ]
+    rows.append(
+        ("made with", ", ".join(f"{name} {version}" for name, version in summary["software"].items()))
+    )
     printing.table(rows)

@@ -6,12 +6,12 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from types import FrameType
 from typing import NoReturn
 
 import cyclopts
 
-from .. import __version__
 from ..errors import InterruptedBakeError, PrelightError, printable
 from . import bake, demo, doctor, inspect, relight, verify
 
@@ -19,7 +19,7 @@ EXIT_FAULT, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 app = cyclopts.App(
     name="prelight",
-    version=__version__,
+    version=lambda: version("prelight"),
     help="""Trace a static scene once, then change its light in milliseconds.
 
 A bake keeps how much of each environment light reaches each vertex; relighting multiplies.
@@ -80,7 +80,9 @@ def run(arguments: Sequence[str]) -> int:
         return _fail("out of memory; pass a smaller --memory, --resolution or --size", EXIT_INPUT)
     except Exception as error:
         what = f"{type(error).__name__}: {error}"
-        return _fail(f"a fault of Prelight: {what}; run again with PRELIGHT_DEBUG=1 and report it", EXIT_FAULT)
+        return _fail(
+            f"a fault of Prelight: {what}; run again with PRELIGHT_DEBUG=1 and report it", EXIT_FAULT
+        )
 
 
 def _fail(message: str, code: int) -> int:

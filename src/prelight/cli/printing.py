@@ -55,13 +55,22 @@ def progress_bar(label: str) -> Iterator[Callable[[float, float, int], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[note]}")]
+    columns = [
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[note]}"),
+    ]
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=1.0, note="")
 
         def report(fraction: float, seconds_left: float, clusters: int) -> None:
-            note = f"{clusters:,} clusters, {duration(seconds_left)} left" if fraction < 1 else f"{clusters:,} clusters"
+            note = (
+                f"{clusters:,} clusters, {duration(seconds_left)} left"
+                if fraction < 1
+                else f"{clusters:,} clusters"
+            )
             progress.update(task, completed=fraction, note=note)
 
         yield report

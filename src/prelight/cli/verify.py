@@ -27,6 +27,10 @@ def verify(bake: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fal
     sizes = [size for _, size in Bake.open(bake).verify()]
     seconds = time.perf_counter() - started
     if json:
-        printing.say_json({"path": str(bake), "chunks": len(sizes), "bytes": sum(sizes), "seconds": seconds, "whole": True})
+        printing.say_json(
+            {"path": str(bake), "chunks": len(sizes), "bytes": sum(sizes), "seconds": seconds, "whole": True}
+        )
         return
-    printing.say(f"{bake}: whole; {len(sizes)} chunks, {printing.size(sum(sizes))}, {printing.duration(seconds)}")
+    printing.say(
+        f"{bake}: whole; {len(sizes)} chunks, {printing.size(sum(sizes))}, {printing.duration(seconds)}"
+    )

@@ -107,7 +107,7 @@ def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: t
     if u0 >= 1.0 or u1 <= -1.0 or v0 >= 1.0 or v1 <= -1.0:
         return
     density = weight / (4.0 * wide * tall * half * half)
-    if u0 < -1.0 or u1 > 1.0 or v0 < -1.0 or v1 > 1.0:
+    if abs(u) + 3.0 * wide > 1.0 or abs(v) + 3.0 * tall > 1.0:  # another face may see it reach over the edge
         density /= _on_all_faces(d, e, f)
     u0, u1 = half * (1.0 + max(u0, -1.0)), half * (1.0 + min(u1, 1.0))
     v0, v1 = half * (1.0 + max(v0, -1.0)), half * (1.0 + min(v1, 1.0))

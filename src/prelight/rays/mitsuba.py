@@ -19,7 +19,9 @@ def triangle_mesh(
     props = mi.Properties()
     if bsdf is not None:
         props["bsdf"] = mi.load_dict(bsdf)
-    mesh = mi.Mesh("scene", len(positions), len(triangles), has_vertex_normals=normals is not None, props=props)
+    mesh = mi.Mesh(
+        "scene", len(positions), len(triangles), has_vertex_normals=normals is not None, props=props
+    )
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = np.ascontiguousarray(positions, np.float32).ravel()
     parameters["faces"] = np.ascontiguousarray(triangles, np.uint32).ravel()

@@ -37,7 +37,9 @@ class EnvironmentLayer:
     def __init__(self, bake: Bake, name: str = "environment") -> None:
         record = bake.layers.get(name)
         if record is None or record.kind != "environment":
-            raise InputError(bake.path, f"has no environment layer; its layers are {', '.join(bake.layers) or 'none'}")
+            raise InputError(
+                bake.path, f"has no environment layer; its layers are {', '.join(bake.layers) or 'none'}"
+            )
         at = f"layers/{name}"
         self.resolution = _whole_number(bake, record.parameters.get("resolution"))
         self.rectangles: Int32[np.ndarray, "clusters 5"] = bake.array(f"{at}/rectangles")
@@ -137,7 +139,10 @@ class EnvironmentRelighter:
         """
         R = self.layer.resolution
         for name, part in (("rows", rows), ("columns", columns)):
-            if part.step not in (None, 1) or not 0 <= (part.start or 0) < (part.stop if part.stop is not None else R) <= R:
+            if (
+                part.step not in (None, 1)
+                or not 0 <= (part.start or 0) < (part.stop if part.stop is not None else R) <= R
+            ):
                 raise InputError(name, f"{part}, expected slice(start, stop) within 0 to {R}")
         if face not in range(6):
             raise InputError("face", f"{face!r}, expected 0 to 5")
@@ -182,7 +187,14 @@ class EnvironmentRelighter:
         weights[: len(self._light)] = self._light * layer.scales[:, None]
         lit = weights.reshape(-1, TILES, TILE * 3).any(axis=2) @ (1 << np.arange(TILES))
         relight_full(
-            layer.addresses, layer.first, layer.present, lit.astype(np.uint16), weights, EVERY.copy(), self._scratch, self._sums
+            layer.addresses,
+            layer.first,
+            layer.present,
+            lit.astype(np.uint16),
+            weights,
+            EVERY.copy(),
+            self._scratch,
+            self._sums,
         )
         write_radiance(layer.order, self._albedo, self._sums, self._radiance)
         self._since_full, self._brightest = 0, float(self._light.sum())

@@ -86,7 +86,9 @@ class Relighter:
         if camera is None:
             return next(iter(cameras.values()), None) or Camera.framing(self.bake.receivers.positions)
         if camera not in cameras:
-            raise InputError("camera", f"{camera!r} is not in this bake; it has {', '.join(cameras) or 'none'}")
+            raise InputError(
+                "camera", f"{camera!r} is not in this bake; it has {', '.join(cameras) or 'none'}"
+            )
         return cameras[camera]
 
     def picture(
@@ -107,4 +109,6 @@ class Relighter:
         return self._view(self.camera(camera), width, height).draw(self.radiance, background=behind)
 
     def _new_view(self, camera: Camera, width: int, height: int) -> View:
-        return View(self.bake.receivers.positions, self.bake.triangles, camera=camera, width=width, height=height)
+        return View(
+            self.bake.receivers.positions, self.bake.triangles, camera=camera, width=width, height=height
+        )

@@ -11,7 +11,7 @@ import numpy as np
 from llvmlite import ir
 from numba import njit, prange, types
 
-from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES
+from ..encoding.sparse_tiles import GROUP, TILE, TILES
 from .vector_code import tile_product
 
 _product32 = tile_product(ir.FloatType())
@@ -83,7 +83,9 @@ def relight_full(addresses, first, present, lit, weights, every, scratch, sums):
 
 
 @njit(cache=True)
-def _local_groups(addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, begin, end):
+def _local_groups(
+    addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, begin, end
+):
     for g in range(begin, end):
         touched = False
         for c in range(len(column)):
@@ -134,7 +136,9 @@ def _write_group(g, order, albedo, sums, radiance):
     parallel=True,
     cache=True,
 )
-def relight_local(addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, threads):
+def relight_local(
+    addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, threads
+):
     """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15), and the radiance of who sees them.
 
     column (C,) tile columns p·16 + s that hold a changed cluster; start (C + 1,) where each one's clusters
@@ -144,14 +148,29 @@ def relight_local(addresses, first, present, column, start, index, weights, orde
     for t in prange(threads):
         begin, end = groups * t // threads, groups * (t + 1) // threads
         _local_groups(
-            addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, begin, end
+            addresses,
+            first,
+            present,
+            column,
+            start,
+            index,
+            weights,
+            order,
+            albedo,
+            sums,
+            radiance,
+            begin,
+            end,
         )
 
 
 @njit(
     [
         types.void(
-            _read_only(types.int32, 1), _read_only(types.float32, 2), types.float64[:, ::1], types.float32[:, ::1]
+            _read_only(types.int32, 1),
+            _read_only(types.float32, 2),
+            types.float64[:, ::1],
+            types.float32[:, ::1],
         )
     ],
     parallel=True,

@@ -37,12 +37,16 @@ print(*(part.value for part in version))
 class LlvmLibrary:
     """A shared LLVM library for this kind of processor."""
 
-    version: tuple[int, ...]  # as far as the name tells: (19, 1)
+    numbers: tuple[int, ...]  # of the version, as far as the name tells: (19, 1)
     path: Path
 
     @property
+    def version(self) -> str:
+        return ".".join(str(number) for number in self.numbers)
+
+    @property
     def usable(self) -> bool:
-        return self.version[0] >= OLDEST_LLVM
+        return self.numbers[0] >= OLDEST_LLVM
 
 
 def find_llvm(
@@ -53,12 +57,14 @@ def find_llvm(
     Parameters
     ----------
     chosen
-        A library's path, as the user's DRJIT_LIBLLVM_PATH gives it.
+        A library's path; by default what the user's DRJIT_LIBLLVM_PATH says.
     folders
         Where to look, with ``*``; the system's usual folders by default.
     linker
         Whether to ask the dynamic linker (``ldconfig -p``) too.
     """
+    if chosen is None:
+        chosen = os.environ.get("DRJIT_LIBLLVM_PATH")
     if chosen:
         wanted = identify(Path(chosen))
         if wanted is not None and wanted.usable:
@@ -174,8 +180,3 @@ def _os_release() -> dict[str, str]:
         pairs = (line.split("=", 1) for line in lines if "=" in line)
         return {key.strip(): value.strip().strip("\"'") for key, value in pairs}
     return {}
-
-
-def environment_choice() -> str | None:
-    """What the user's DRJIT_LIBLLVM_PATH says, if anything."""
-    return os.environ.get("DRJIT_LIBLLVM_PATH") or None

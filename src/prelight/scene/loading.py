@@ -77,7 +77,7 @@ def _scene(source: object) -> Scene:
     if isinstance(source, Scene):
         return source
     if isinstance(source, str) and source.startswith("stock:"):
-        from .stock import stock_scene
+        from .stock.catalogue import stock_scene
 
         return stock_scene(source.removeprefix("stock:"))
     if isinstance(source, str | PathLike):

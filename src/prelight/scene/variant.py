@@ -10,7 +10,7 @@ import threading
 from types import ModuleType
 
 from ..errors import InputError, MissingExtraError
-from .llvm import OLDEST_LLVM, environment_choice, find_llvm, install_line
+from .llvm import OLDEST_LLVM, find_llvm, install_line
 
 VARIANTS = ("cuda_ad_rgb", "metal_ad_rgb", "llvm_ad_rgb")  # in order of preference
 _DOOR = threading.Lock()
@@ -43,7 +43,7 @@ def _imported() -> ModuleType:
     if importlib.util.find_spec("mitsuba") is None:
         raise MissingExtraError("this needs Mitsuba: pip install 'prelight[bake]'")
     if "drjit" not in sys.modules:
-        library = find_llvm(chosen=environment_choice())
+        library = find_llvm()
         if library is not None:
             os.environ["DRJIT_LIBLLVM_PATH"] = str(library.path)
         elif not (cuda_present() or sys.platform == "darwin"):

@@ -58,7 +58,9 @@ class Bake:
 
     @cached_property
     def cameras(self) -> dict[str, Camera]:
-        return {name: Camera.from_dict(values, self.path) for name, values in self.manifest.scene.cameras.items()}
+        return {
+            name: Camera.from_dict(values, self.path) for name, values in self.manifest.scene.cameras.items()
+        }
 
     @property
     def layers(self) -> dict[str, LayerRecord]:
@@ -75,7 +77,9 @@ class Bake:
         else:
             whole = np.empty([n * c for n, c in zip(spec.grid(), spec.chunk_shape, strict=True)], spec.dtype)
             for index, chunk in chunks.items():
-                whole[tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, spec.chunk_shape, strict=True))] = chunk
+                whole[
+                    tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, spec.chunk_shape, strict=True))
+                ] = chunk
         values = whole[tuple(slice(0, n) for n in spec.shape)]
         values.flags.writeable = False
         return values
@@ -87,7 +91,7 @@ class Bake:
             yield index, open_chunk(self.path, key, spec, self.manifest.chunks[key])
 
     def verify(self) -> Iterator[tuple[str, int]]:
-        """Check every chunk against its sha256, yielding (key, bytes); DamagedBakeError names the first that differs."""
+        """Check every chunk against its sha256, yielding (key, bytes); DamagedBakeError names one that differs."""
         for key, record in self.manifest.chunks.items():
             check_hash(self.path, key, record.size, record.sha256)
             yield key, record.size

@@ -69,14 +69,18 @@ class BakeWriter:
     def _begin(self, settings: dict[str, Any], resume: bool) -> None:
         existed = self.partial.is_dir()
         if existed and not (resume or self.force):
-            raise OutputError(self.partial, "an unfinished bake is here; pass --resume to go on or --force to begin anew")
+            raise OutputError(
+                self.partial, "an unfinished bake is here; pass --resume to go on or --force to begin anew"
+            )
         self.partial.mkdir(exist_ok=True)
         self._lock = os.open(self.partial / _LOCK, os.O_CREAT | os.O_RDWR, 0o666)
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._lock)
-            raise OutputError(self.partial, "another process is writing this bake; wait for it or choose another name") from None
+            raise OutputError(
+                self.partial, "another process is writing this bake; wait for it or choose another name"
+            ) from None
         if existed and not resume:
             self._clear()
         self.complete = self._complete_manifest(settings)
@@ -143,7 +147,9 @@ class BakeWriter:
                 return entries[:count]
         return entries
 
-    def write_chunk(self, array: str, index: tuple[int, ...], values: np.ndarray, spec: ArraySpec) -> tuple[str, ChunkRecord]:
+    def write_chunk(
+        self, array: str, index: tuple[int, ...], values: np.ndarray, spec: ArraySpec
+    ) -> tuple[str, ChunkRecord]:
         """Write one chunk whole; its key and record."""
         key = chunk_key(array, index)
         path = self.partial / key
@@ -206,4 +212,3 @@ class BakeWriter:
             if handle >= 0:
                 os.close(handle)
         self._journal = self._lock = -1
-

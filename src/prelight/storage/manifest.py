@@ -62,7 +62,9 @@ class Manifest(_Strict):
     def to_bytes(self) -> bytes:
         """Canonical JSON; its last member is the sha256 of the rest."""
         body = self.model_dump()
-        return json.dumps({**body, "sha256": _digest(body)}, sort_keys=True, indent=1, allow_nan=False).encode()
+        return json.dumps(
+            {**body, "sha256": _digest(body)}, sort_keys=True, indent=1, allow_nan=False
+        ).encode()
 
     @classmethod
     def open(cls, root: Path) -> Manifest:
@@ -106,7 +108,9 @@ class Manifest(_Strict):
                 if key not in self.chunks:
                     raise DamagedBakeError(root, f"chunk {key} is not in the manifest")
                 if self.chunks[key].size != spec.chunk_bytes():
-                    raise DamagedBakeError(root, f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape")
+                    raise DamagedBakeError(
+                        root, f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape"
+                    )
             expected.update(keys)
         if len(expected) != len(self.chunks):
             raise DamagedBakeError(root, "the manifest names chunks that no array has")

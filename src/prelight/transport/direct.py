@@ -109,7 +109,9 @@ def _node_mean(bits, sample, d, D_C, normals, column):
                     T_C[start + i] += T_l[i]
         for i in range(start, start + count):
             if T_C[i] > 0:
-                ratio = _unshadowed_correction(sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i])
+                ratio = _unshadowed_correction(
+                    sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i]
+                )
                 T_C[i] *= ratio / used
                 largest = max(largest, T_C[i])
     inverse = np.float32(255) / largest if largest > 0 else np.float32(0)

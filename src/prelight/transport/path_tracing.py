@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Albedo, CubeMap, Float64, Int32, Normals, Positions, Triangles
+from ..arrays import CubeMap, Float64, Int32, Normals, Positions, Triangles
 from ..bases import cube_map
 from ..rays.mitsuba import triangle_mesh
 from ..scene.variant import mitsuba
@@ -95,7 +95,9 @@ def _cube_emitter(mi: ModuleType, cube: CubeMap) -> Any:
         def _lookup(self, d: Any, active: Any) -> tuple[Any, Any, Any]:
             """Texel, u and v of a direction."""
             x, y, z = dr.abs(d.x), dr.abs(d.y), dr.abs(d.z)
-            major = dr.select((x >= y) & (x >= z), mi.UInt32(0), dr.select(y >= z, mi.UInt32(1), mi.UInt32(2)))
+            major = dr.select(
+                (x >= y) & (x >= z), mi.UInt32(0), dr.select(y >= z, mi.UInt32(1), mi.UInt32(2))
+            )
             along = dr.select(major == 0, d.x, dr.select(major == 1, d.y, d.z))
             face = 2 * major + dr.select(along < 0, mi.UInt32(1), mi.UInt32(0))
             u = dr.dot(d, dr.gather(mi.Vector3f, self.axes[1], face, active)) / dr.abs(along)

@@ -1,0 +1,328 @@
+"""Environments: light is neither lost nor moved on its way from a map to a cube map."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prelight.bases import cube_map
+from prelight.errors import PrelightError
+from prelight.lighting import resampling
+from prelight.lighting.environment import Environment
+from prelight.lighting.layouts import PICTURE_LAYOUTS
+
+SHAPES = {"latlong": (64, 128, 3), "angular": (90, 90, 3), "cross": (128, 96, 3), "cube": (6, 32, 32, 3)}
+RESOLUTIONS = (1, 2, 3, 17, 64, 255)
+
+
+def turned(d: np.ndarray, degrees: float) -> np.ndarray:
+    """R_y(degrees)·d, counter-clockwise seen from above."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    x, y, z = np.moveaxis(d, -1, 0)
+    return np.stack([c * x + s * z, y, c * z - s * x], axis=-1)
+
+
+def areas(resolution: int) -> np.ndarray:
+    edges = np.linspace(-1.0, 1.0, resolution + 1)
+    return cube_map.rectangle_solid_angles(edges, edges)
+
+
+def energy(cube: np.ndarray) -> np.ndarray:
+    return np.einsum("fijk,ij->k", cube.astype(np.float64), areas(cube.shape[1]))
+
+
+def texel_directions(resolution: int) -> np.ndarray:
+    texels = np.arange(6 * resolution**2)
+    return cube_map.texel_directions(texels, resolution).reshape(6, resolution, resolution, 3).astype(np.float64)
+
+
+def disc_only(pixels: np.ndarray) -> np.ndarray:
+    """An angular map as probes are: black where a pixel's centre is outside the disc."""
+    side = (2.0 * np.arange(len(pixels)) + 1.0) / len(pixels) - 1.0
+    return np.where((np.hypot(side[:, None], side[None, :]) <= 1.0)[..., None], pixels, 0.0).astype(np.float32)
+
+
+def textured(layout: str, rng: np.random.Generator) -> np.ndarray:
+    pixels = rng.lognormal(0.0, 1.5, SHAPES[layout]).astype(np.float32)
+    return disc_only(pixels) if layout == "angular" else pixels
+
+
+# The direction of a pixel, written out from the published mappings and not from ``layouts``.
+
+
+def latlong_direction(row: int, column: int) -> np.ndarray:
+    polar, azimuth = np.pi * (row + 0.5) / 64, 2.0 * np.pi * ((column + 0.5) / 128 - 0.5)
+    return np.array([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)])
+
+
+def angular_direction(row: int, column: int) -> np.ndarray:
+    p, q = (2 * column + 1) / 90 - 1, 1 - (2 * row + 1) / 90
+    r = np.hypot(p, q)
+    return np.array([np.sin(np.pi * r) * p / r, np.sin(np.pi * r) * q / r, -np.cos(np.pi * r)])
+
+
+def cross_direction(row: int, column: int) -> np.ndarray:
+    s, t = (2 * (column % 32) + 1) / 32 - 1, (2 * (row % 32) + 1) / 32 - 1
+    d = {
+        (0, 1): (s, 1, -t), (1, 0): (-1, -t, -s), (1, 1): (s, -t, -1),
+        (1, 2): (1, -t, s), (2, 1): (s, -1, t), (3, 1): (s, t, 1),
+    }[row // 32, column // 32]  # fmt: skip
+    return np.array(d) / np.linalg.norm(d)
+
+
+DIRECTION = {"latlong": latlong_direction, "angular": angular_direction, "cross": cross_direction}
+# Ordinary places and awkward ones: next to a pole, at the rim of the disc, in corners and on edges of faces.
+SUNS = [
+    ("latlong", 20, 77), ("latlong", 40, 3), ("latlong", 0, 50), ("latlong", 63, 0), ("latlong", 31, 47),
+    ("angular", 44, 60), ("angular", 20, 22), ("angular", 45, 88), ("angular", 3, 52),
+    ("cross", 45, 40), ("cross", 70, 50), ("cross", 32, 0), ("cross", 127, 63), ("cross", 63, 95), ("cross", 5, 45),
+]  # fmt: skip
+
+
+# ---- Energy ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", SHAPES)
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_a_constant_map_stays_constant(layout: str, resolution: int) -> None:
+    colour = np.array([0.25, 1.0, 3.7], np.float32)
+    pixels = np.broadcast_to(colour, SHAPES[layout])
+    environment = Environment(disc_only(pixels) if layout == "angular" else pixels, layout)
+    for degrees in (0.0, 33.3):
+        cube = environment.rotated(degrees).cube(resolution)
+        assert cube.dtype == np.float32
+        assert cube.shape == (6, resolution, resolution, 3)
+        np.testing.assert_allclose(cube, np.broadcast_to(colour, cube.shape), rtol=1e-6)
+
+
+@pytest.mark.parametrize("layout", SHAPES)
+def test_the_total_of_a_constant_map_is_four_pi(layout: str) -> None:
+    pixels = np.ones(SHAPES[layout], np.float32)
+    environment = Environment(disc_only(pixels) if layout == "angular" else pixels, layout)
+    np.testing.assert_allclose(environment.total, 4.0 * np.pi, rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 64, 101])
+def test_solid_angles_of_pictures_make_a_sphere(size: int) -> None:
+    for layout in ("latlong", "angular"):
+        table = PICTURE_LAYOUTS[layout].solid_angles(size, size)
+        assert table.min() >= 0.0
+        assert table.sum() == pytest.approx(4.0 * np.pi, rel=2e-6)
+
+
+def test_solid_angles_of_an_angular_map_are_those_of_its_rings() -> None:
+    size, half = 400, 0.3  # everything within 0.3 π of −Z has 2π (1 − cos 0.3π) steradians
+    side = (2.0 * np.arange(size) + 1.0) / size - 1.0
+    table = PICTURE_LAYOUTS["angular"].solid_angles(size, size)
+    inside = table[np.hypot(side[:, None], side[None, :]) < half].sum()
+    assert inside == pytest.approx(2.0 * np.pi * (1.0 - np.cos(half * np.pi)), rel=2e-3)
+
+
+@pytest.mark.parametrize(("layout", "row", "column"), SUNS)
+@pytest.mark.parametrize("degrees", [0.0, 41.7])
+def test_a_small_sun_keeps_its_energy_and_direction(
+    layout: str, row: int, column: int, degrees: float, rng: np.random.Generator
+) -> None:
+    """One pixel with 90 % of all energy; its surroundings must not notice."""
+    around = 0.5 + textured(layout, rng) / 50.0
+    dark, lone = around.copy(), np.zeros_like(around)
+    dark[row, column] = 0.5
+    lone[row, column] = 1.0
+    weight = Environment(lone, layout).total[0]
+    sunny = dark.copy()
+    sunny[row, column] += 9.0 * 4.0 * np.pi * 0.5 / weight
+    expected = 9.0 * 4.0 * np.pi * 0.5
+    direction = turned(DIRECTION[layout](row, column), degrees)
+    for resolution in (5, 32, 100, 600):
+        with_sun = Environment(sunny, layout).rotated(degrees).cube(resolution)[..., 0]
+        without = Environment(dark, layout).rotated(degrees).cube(resolution)[..., 0]
+        d = texel_directions(resolution)
+        flux = (with_sun.astype(np.float64) - without) * areas(resolution)
+        pixel, texel = np.radians(360.0 / 90.0), np.radians(90.0 / resolution)
+        near = np.arccos(np.clip(d @ direction, -1.0, 1.0)) < 1.5 * (pixel + texel)
+        assert flux[near].sum() == pytest.approx(expected, rel=1e-3)
+        assert np.abs(flux[~near]).sum() < 1e-3 * expected
+        centroid = (flux[..., None] * d).sum(axis=(0, 1, 2))
+        off = np.arccos(centroid @ direction / np.linalg.norm(centroid))
+        assert off < 0.25 * pixel + 0.5 * texel
+
+
+@pytest.mark.parametrize("layout", ["latlong", "angular", "cube"])
+@pytest.mark.parametrize("width", [1, 2, 5, 9])
+def test_scattering_loses_nothing_by_itself(layout: str, width: int, rng: np.random.Generator) -> None:
+    """Before the last correction; also for suns of several pixels."""
+    for degrees, resolution in ((0.0, 3), (11.0, 17), (123.4, 64), (271.8, 200)):
+        pixels = textured(layout, rng)
+        row, column = rng.integers(len(pixels) // 4, len(pixels) // 2), 40
+        where = (2, slice(0, width), slice(8, 8 + width)) if layout == "cube" else np.s_[row : row + width, column:]
+        where = where if layout == "cube" else (where[0], slice(column, column + width))
+        pixels[where] = 0.0
+        pixels[where] += 2e4 / width**2
+        environment = Environment(pixels, layout)
+        total = environment.total
+        _, found = resampling._scattered(
+            environment.pixels, resolution, layout=layout, degrees=degrees, total=total
+        )
+        np.testing.assert_allclose(found, total, rtol=3e-4)
+
+
+@pytest.mark.parametrize("layout", SHAPES)
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 12.3])
+def test_the_total_is_kept_in_every_channel(layout: str, degrees: float, rng: np.random.Generator) -> None:
+    pixels = textured(layout, rng) * np.float32([1.0, 0.1, 30.0])
+    environment = Environment(pixels, layout).rotated(degrees).scaled(1.7).tinted((1.0, 0.5, 0.0))
+    for resolution in (*RESOLUTIONS, 301, 600):
+        np.testing.assert_allclose(energy(environment.cube(resolution)), environment.total, rtol=1e-6)
+    assert environment.total[2] == 0.0
+
+
+@pytest.mark.parametrize("layout", ["latlong", "angular", "cube"])
+def test_a_smooth_map_stays_smooth(layout: str) -> None:
+    """L = 1 + a·d averages to 1 + a·(mean direction of the texel), without a pattern."""
+    slope = np.array([0.5, -0.3, 0.4])
+    if layout == "cube":
+        d = texel_directions(128)
+    else:
+        size = {"latlong": (256, 512), "angular": (400, 400)}[layout]
+        y, x = ((np.arange(n) + 0.5) / n for n in size)
+        d = PICTURE_LAYOUTS[layout].directions(x[None, :], y[:, None])
+    environment = Environment(1.0 + d @ slope[:, None] * np.ones(3), layout).rotated(25.0)
+    for resolution in (7, 100, 256):
+        rectangles = np.stack(np.meshgrid(*map(np.arange, (6, resolution, resolution)), indexing="ij"), -1)
+        rectangles = np.concatenate([rectangles, np.ones_like(rectangles[..., :2])], -1).reshape(-1, 5)
+        exact = 1.0 + cube_map.mean_directions(rectangles, resolution) @ turned(slope, 25.0)
+        found = environment.cube(resolution)[..., 1].ravel()
+        assert np.abs(found - exact).max() < 0.006  # half a pixel of the map is 0.005
+        assert np.sqrt(np.mean((found - exact) ** 2)) < 0.0016
+
+
+def test_a_loss_would_be_noticed(rng: np.random.Generator) -> None:
+    pixels = textured("latlong", rng)
+    total = 1.002 * Environment(pixels, "latlong").total
+    with pytest.raises(PrelightError, match="lost light"):
+        resampling.resampled(pixels, 16, layout="latlong", degrees=1.0, total=total)
+
+
+# ---- Turning -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", ["cross", "cube"])
+@pytest.mark.parametrize("quarters", [0, 1, 2, 3, -1])
+def test_quarter_turns_of_faces_only_move_texels(layout: str, quarters: int, rng: np.random.Generator) -> None:
+    environment = Environment(textured(layout, rng), layout)
+    d = texel_directions(32).reshape(-1, 3)
+    face, u, v = cube_map.face_coordinates(turned(d, -90.0 * quarters))
+    row, column = np.floor((v + 1.0) * 16.0).astype(int), np.floor((u + 1.0) * 16.0).astype(int)
+    expected = environment.cube(32)[face, row, column].reshape(6, 32, 32, 3)
+    np.testing.assert_array_equal(environment.rotated(90.0 * quarters).cube(32), expected)
+
+
+@pytest.mark.parametrize("layout", SHAPES)
+def test_turns_add_up(layout: str, rng: np.random.Generator) -> None:
+    environment = Environment(textured(layout, rng), layout)
+    there_and_back = environment.rotated(300.0).rotated(75.0).rotated(-15.0)
+    assert there_and_back.rotation_deg == 0.0
+    np.testing.assert_array_equal(there_and_back.cube(16), environment.cube(16))
+
+
+def test_any_turn_agrees_with_the_map_seen_from_there(rng: np.random.Generator) -> None:
+    """Two ways to the same cube: turn a lat-long by whole columns, or turn the environment."""
+    pixels = textured("latlong", rng)
+    columns = 11
+    by_pixels = Environment(np.roll(pixels, -columns, axis=1), "latlong")  # counter-clockwise: towards −X
+    by_turn = Environment(pixels, "latlong").rotated(columns * 360.0 / 128)
+    np.testing.assert_allclose(by_turn.cube(20), by_pixels.cube(20), rtol=1e-4)
+
+
+# ---- Faces, and one place in two layouts -------------------------------------------------------------------
+
+
+def test_an_unturned_cross_is_given_back(rng: np.random.Generator) -> None:
+    pixels = textured("cross", rng)
+    cube = Environment(pixels, "cross").cube(32)
+    rows, columns = np.nonzero(PICTURE_LAYOUTS["cross"].unfold(np.ones((6, 32, 32, 3), np.float32))[..., 0])
+    assert rows.size == 6 * 32 * 32
+    for row, column in zip(rows[::7], columns[::7], strict=True):
+        face, u, v = cube_map.face_coordinates(cross_direction(row, column)[None])
+        at, to = int((v[0] + 1.0) * 16.0), int((u[0] + 1.0) * 16.0)
+        np.testing.assert_array_equal(cube[face[0], at, to], pixels[row, column])
+    np.testing.assert_array_equal(Environment.from_cube(cube).cube(32), cube)
+
+
+@pytest.mark.parametrize(("side", "resolution"), [(32, 8), (32, 24), (32, 96), (7, 5), (5, 7), (1, 3), (3, 1)])
+def test_faces_overlap_texels_exactly(side: int, resolution: int, rng: np.random.Generator) -> None:
+    faces = rng.lognormal(0.0, 1.0, (6, side, side, 3)).astype(np.float32)
+    grid = side * resolution  # both resolutions divide it
+    weights = areas(grid)
+    fine = faces.repeat(resolution, axis=1).repeat(resolution, axis=2) * weights[..., None]
+    blocks = (resolution, side, resolution, side)
+    expected = fine.reshape(6, *blocks, 3).sum(axis=(2, 4)) / weights.reshape(blocks).sum(axis=(1, 3))[..., None]
+    np.testing.assert_allclose(Environment.from_cube(faces).cube(resolution), expected, rtol=1e-6)
+
+
+def test_probe_and_cross_of_the_beach_agree(data: Path) -> None:
+    """Two files of one place, exposed alike: their maps agree once fine detail is averaged out."""
+    probe = Environment.open(data / "probes" / "beach_probe.hdr")
+    cross = Environment.open(data / "probes" / "beach_cross.hdr")
+    assert (probe.layout, cross.layout) == ("angular", "cross")
+    # The cross was made from a larger picture; behind the ball (+Z) the probe sees almost nothing.
+    a, b = probe.cube(12), cross.cube(12)
+    ahead = [0, 1, 2, 3, 5]
+    ratio = np.log(a[ahead] / b[ahead])
+    assert abs(np.median(ratio)) < 0.01
+    assert np.corrcoef(np.log(a[ahead]).ravel(), np.log(b[ahead]).ravel())[0, 1] > 0.998
+    np.testing.assert_allclose(probe.total, cross.total, rtol=0.02)
+
+
+# ---- Looking up --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", ["latlong", "angular", "cross"])
+@pytest.mark.parametrize("degrees", [0.0, 77.0])
+def test_looking_at_the_middle_of_a_pixel_sees_it(layout: str, degrees: float, rng: np.random.Generator) -> None:
+    pixels = textured(layout, rng)
+    environment = Environment(pixels, layout).rotated(degrees).tinted((2.0, 1.0, 0.5))
+    spots = [(row, column) for name, row, column in SUNS if name == layout]
+    d = np.array([turned(DIRECTION[layout](*spot), degrees) for spot in spots])
+    expected = np.array([pixels[spot] for spot in spots]) * np.float32([2.0, 1.0, 0.5])
+    np.testing.assert_allclose(environment.radiance_along(3.0 * d), expected, rtol=2e-3)
+
+
+def test_looking_over_the_edges_of_faces_has_no_seam(rng: np.random.Generator) -> None:
+    """Along a path across edges radiance changes only as fast as the texels do."""
+    smooth = 1.0 + texel_directions(16) @ np.array([0.5, 0.2, -0.4])[:, None] * np.ones(3)
+    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
+    for tilt in rng.normal(size=(5, 2, 3)):
+        p, q = np.linalg.qr(tilt.T)[0].T
+        d = np.cos(angle)[:, None] * p + np.sin(angle)[:, None] * q
+        seen = Environment.from_cube(smooth).radiance_along(d)[:, 0]
+        assert np.abs(seen - (1.0 + d @ np.array([0.5, 0.2, -0.4]))).max() < 0.01
+
+
+def test_looking_nowhere_is_harmless_and_nan_is_refused() -> None:
+    for layout, shape in SHAPES.items():
+        seen = Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((1, 3)))
+        np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
+        assert Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((0, 3))).shape == (0, 3)
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        Environment.constant((1, 1, 1)).radiance_along(np.full((2, 3), np.nan))
+    with pytest.raises(ValueError, match=r"shape \(3,\)"):
+        Environment.constant((1, 1, 1)).radiance_along(np.ones(3))
+
+
+# ---- Same bits everywhere ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("layout", SHAPES)
+def test_one_thread_or_two_or_slabs_give_the_same_bits(
+    layout: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = Environment(textured(layout, rng), layout).rotated(31.0)
+    cube = environment.cube(64)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    np.testing.assert_array_equal(environment.cube(64), cube)
+    monkeypatch.setattr(resampling, "_SLAB_TEXELS", 900)  # slabs of 14 rows
+    np.testing.assert_allclose(environment.cube(64), cube, rtol=3e-7)  # the total is summed in another order
