@@ -60,7 +60,9 @@ def test_solid_angles_in_closed_form() -> None:
     resolution = 1024  # so small that the density in the middle times the area will do
     centres = cube_map.texel_centres(resolution)
     density = (1.0 + centres[:, None] ** 2 + centres[None, :] ** 2) ** -1.5
-    np.testing.assert_allclose(cube_map.solid_angles(resolution), density * (2.0 / resolution) ** 2, rtol=3e-6)
+    np.testing.assert_allclose(
+        cube_map.solid_angles(resolution), density * (2.0 / resolution) ** 2, rtol=3e-6
+    )
 
 
 def test_solid_angles_add_up() -> None:

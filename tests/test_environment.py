@@ -36,13 +36,17 @@ def energy(cube: np.ndarray) -> np.ndarray:
 
 def texel_directions(resolution: int) -> np.ndarray:
     texels = np.arange(6 * resolution**2)
-    return cube_map.texel_directions(texels, resolution).reshape(6, resolution, resolution, 3).astype(np.float64)
+    return (
+        cube_map.texel_directions(texels, resolution).reshape(6, resolution, resolution, 3).astype(np.float64)
+    )
 
 
 def disc_only(pixels: np.ndarray) -> np.ndarray:
     """An angular map as probes are: black where a pixel's centre is outside the disc."""
     side = (2.0 * np.arange(len(pixels)) + 1.0) / len(pixels) - 1.0
-    return np.where((np.hypot(side[:, None], side[None, :]) <= 1.0)[..., None], pixels, 0.0).astype(np.float32)
+    return np.where((np.hypot(side[:, None], side[None, :]) <= 1.0)[..., None], pixels, 0.0).astype(
+        np.float32
+    )
 
 
 def textured(layout: str, rng: np.random.Generator) -> np.ndarray:
@@ -80,6 +84,9 @@ SUNS = [
     ("angular", 44, 60), ("angular", 20, 22), ("angular", 45, 88), ("angular", 3, 52),
     ("cross", 45, 40), ("cross", 70, 50), ("cross", 32, 0), ("cross", 127, 63), ("cross", 63, 95), ("cross", 5, 45),
 ]  # fmt: skip
+
+
+BEYOND = [(20, 77), (44, 60), (45, 40)]
 
 
 # ---- Energy ------------------------------------------------------------------------------------------------
@@ -136,7 +143,7 @@ def test_a_small_sun_keeps_its_energy_and_direction(
     sunny[row, column] += 9.0 * 4.0 * np.pi * 0.5 / weight
     expected = 9.0 * 4.0 * np.pi * 0.5
     direction = turned(DIRECTION[layout](row, column), degrees)
-    for resolution in (5, 32, 100, 600):
+    for resolution in (5, 32, 600 if (row, column) in BEYOND else 100):  # 600 is beyond what is scattered to
         with_sun = Environment(sunny, layout).rotated(degrees).cube(resolution)[..., 0]
         without = Environment(dark, layout).rotated(degrees).cube(resolution)[..., 0]
         d = texel_directions(resolution)
@@ -156,11 +163,10 @@ def test_scattering_loses_nothing_by_itself(layout: str, width: int, rng: np.ran
     """Before the last correction; also for suns of several pixels."""
     for degrees, resolution in ((0.0, 3), (11.0, 17), (123.4, 64), (271.8, 200)):
         pixels = textured(layout, rng)
-        row, column = rng.integers(len(pixels) // 4, len(pixels) // 2), 40
-        where = (2, slice(0, width), slice(8, 8 + width)) if layout == "cube" else np.s_[row : row + width, column:]
-        where = where if layout == "cube" else (where[0], slice(column, column + width))
-        pixels[where] = 0.0
-        pixels[where] += 2e4 / width**2
+        row = rng.integers(20, 40)
+        square = np.s_[row : row + width, 40 : 40 + width]
+        where = np.s_[2, 0:width, 8 : 8 + width] if layout == "cube" else square
+        pixels[where] = 2e4 / width**2
         environment = Environment(pixels, layout)
         total = environment.total
         _, found = resampling._scattered(
@@ -174,7 +180,7 @@ def test_scattering_loses_nothing_by_itself(layout: str, width: int, rng: np.ran
 def test_the_total_is_kept_in_every_channel(layout: str, degrees: float, rng: np.random.Generator) -> None:
     pixels = textured(layout, rng) * np.float32([1.0, 0.1, 30.0])
     environment = Environment(pixels, layout).rotated(degrees).scaled(1.7).tinted((1.0, 0.5, 0.0))
-    for resolution in (*RESOLUTIONS, 301, 600):
+    for resolution in (*RESOLUTIONS[:-1], 301):
         np.testing.assert_allclose(energy(environment.cube(resolution)), environment.total, rtol=1e-6)
     assert environment.total[2] == 0.0
 
@@ -190,7 +196,7 @@ def test_a_smooth_map_stays_smooth(layout: str) -> None:
         y, x = ((np.arange(n) + 0.5) / n for n in size)
         d = PICTURE_LAYOUTS[layout].directions(x[None, :], y[:, None])
     environment = Environment(1.0 + d @ slope[:, None] * np.ones(3), layout).rotated(25.0)
-    for resolution in (7, 100, 256):
+    for resolution in (7, 100, 200):
         rectangles = np.stack(np.meshgrid(*map(np.arange, (6, resolution, resolution)), indexing="ij"), -1)
         rectangles = np.concatenate([rectangles, np.ones_like(rectangles[..., :2])], -1).reshape(-1, 5)
         exact = 1.0 + cube_map.mean_directions(rectangles, resolution) @ turned(slope, 25.0)
@@ -201,7 +207,7 @@ def test_a_smooth_map_stays_smooth(layout: str) -> None:
 
 def test_a_loss_would_be_noticed(rng: np.random.Generator) -> None:
     pixels = textured("latlong", rng)
-    total = 1.002 * Environment(pixels, "latlong").total
+    total = 1.003 * Environment(pixels, "latlong").total
     with pytest.raises(PrelightError, match="lost light"):
         resampling.resampled(pixels, 16, layout="latlong", degrees=1.0, total=total)
 
@@ -211,7 +217,9 @@ def test_a_loss_would_be_noticed(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("layout", ["cross", "cube"])
 @pytest.mark.parametrize("quarters", [0, 1, 2, 3, -1])
-def test_quarter_turns_of_faces_only_move_texels(layout: str, quarters: int, rng: np.random.Generator) -> None:
+def test_quarter_turns_of_faces_only_move_texels(
+    layout: str, quarters: int, rng: np.random.Generator
+) -> None:
     environment = Environment(textured(layout, rng), layout)
     d = texel_directions(32).reshape(-1, 3)
     face, u, v = cube_map.face_coordinates(turned(d, -90.0 * quarters))
@@ -252,14 +260,16 @@ def test_an_unturned_cross_is_given_back(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(Environment.from_cube(cube).cube(32), cube)
 
 
-@pytest.mark.parametrize(("side", "resolution"), [(32, 8), (32, 24), (32, 96), (7, 5), (5, 7), (1, 3), (3, 1)])
+@pytest.mark.parametrize(("side", "resolution"), [(12, 3), (12, 8), (8, 24), (7, 5), (5, 7), (1, 3), (3, 1)])
 def test_faces_overlap_texels_exactly(side: int, resolution: int, rng: np.random.Generator) -> None:
     faces = rng.lognormal(0.0, 1.0, (6, side, side, 3)).astype(np.float32)
     grid = side * resolution  # both resolutions divide it
     weights = areas(grid)
     fine = faces.repeat(resolution, axis=1).repeat(resolution, axis=2) * weights[..., None]
     blocks = (resolution, side, resolution, side)
-    expected = fine.reshape(6, *blocks, 3).sum(axis=(2, 4)) / weights.reshape(blocks).sum(axis=(1, 3))[..., None]
+    expected = (
+        fine.reshape(6, *blocks, 3).sum(axis=(2, 4)) / weights.reshape(blocks).sum(axis=(1, 3))[..., None]
+    )
     np.testing.assert_allclose(Environment.from_cube(faces).cube(resolution), expected, rtol=1e-6)
 
 
@@ -282,7 +292,9 @@ def test_probe_and_cross_of_the_beach_agree(data: Path) -> None:
 
 @pytest.mark.parametrize("layout", ["latlong", "angular", "cross"])
 @pytest.mark.parametrize("degrees", [0.0, 77.0])
-def test_looking_at_the_middle_of_a_pixel_sees_it(layout: str, degrees: float, rng: np.random.Generator) -> None:
+def test_looking_at_the_middle_of_a_pixel_sees_it(
+    layout: str, degrees: float, rng: np.random.Generator
+) -> None:
     pixels = textured(layout, rng)
     environment = Environment(pixels, layout).rotated(degrees).tinted((2.0, 1.0, 0.5))
     spots = [(row, column) for name, row, column in SUNS if name == layout]
@@ -306,7 +318,10 @@ def test_looking_nowhere_is_harmless_and_nan_is_refused() -> None:
     for layout, shape in SHAPES.items():
         seen = Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((1, 3)))
         np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
-        assert Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((0, 3))).shape == (0, 3)
+        assert Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((0, 3))).shape == (
+            0,
+            3,
+        )
     with pytest.raises(ValueError, match="expected finite numbers"):
         Environment.constant((1, 1, 1)).radiance_along(np.full((2, 3), np.nan))
     with pytest.raises(ValueError, match=r"shape \(3,\)"):

@@ -22,7 +22,13 @@ def grey(height: int, width: int) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("height", "width", "layout"),
-    [(32, 64, "latlong"), (511, 1024, "latlong"), (31, 31, "angular"), (100, 101, "angular"), (40, 30, "cross")],
+    [
+        (32, 64, "latlong"),
+        (511, 1024, "latlong"),
+        (31, 31, "angular"),
+        (100, 101, "angular"),
+        (40, 30, "cross"),
+    ],
 )
 def test_the_layout_is_recognised(tmp_path: Path, height: int, width: int, layout: str) -> None:
     for write, name in ((write_exr, "map.exr"), (write_hdr, "map.hdr")):
@@ -86,9 +92,9 @@ def test_numbers_beyond_float32_are_refused() -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, "bright", None])
 def test_bad_scales_and_tints_are_refused(bad: object) -> None:
     light = Environment.constant((1.0, 1.0, 1.0))
-    with pytest.raises(InputError, match="scale: .*expected a finite number of at least 0"):
+    with pytest.raises(InputError, match=r"scale: .*expected a finite number of at least 0"):
         light.scaled(bad)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="tint: .*expected a finite number of at least 0"):
+    with pytest.raises(InputError, match=r"tint: .*expected a finite number of at least 0"):
         light.tinted((1.0, bad, 1.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="radiance: "):
         Environment.constant((bad, 1.0, 1.0))  # type: ignore[arg-type]
@@ -112,9 +118,11 @@ def test_bad_resolutions_are_refused(bad: object) -> None:
 
 @pytest.mark.parametrize(
     ("shape", "layout"),
-    [((4, 8), "latlong"), ((4, 8, 4), "latlong"), ((0, 8, 3), "latlong"), ((5, 4, 4, 3), "cube"), ((6, 4, 5, 3), "cube"),
-     ((6, 4, 4, 3), "angular"), ((4, 8, 3), "cube")],
-)  # fmt: skip
+    [
+        *(((4, 8), "latlong"), ((4, 8, 4), "latlong"), ((0, 8, 3), "latlong"), ((6, 4, 4, 3), "angular")),
+        *(((5, 4, 4, 3), "cube"), ((6, 4, 5, 3), "cube"), ((4, 8, 3), "cube")),
+    ],
+)
 def test_shapes_that_do_not_fit_are_refused(shape: tuple[int, ...], layout: str) -> None:
     with pytest.raises(InputError, match="expected \\("):
         Environment(np.ones(shape, np.float32), layout)
@@ -141,14 +149,24 @@ def test_environments_do_not_change() -> None:
     assert (light.scale, light.rotation_deg, light.tint) == (1.0, 0.0, (1.0, 1.0, 1.0))
     assert (brighter.scale, brighter.rotation_deg, brighter.tint) == (3.0, 10.0, (1.0, 0.5, 0.0))
     assert brighter.pixels is light.pixels
+    other = dataclasses.replace(light, pixels=grey(4, 4), layout="angular")  # not the map found out about before
+    np.testing.assert_allclose(other.scaled(2.0).cube(4), 1.0, rtol=1e-6)
     brighter.cube(4)[:] = 9.0  # a cube is the caller's own
     np.testing.assert_allclose(light.cube(4), 0.5, rtol=1e-6)
 
 
 def test_scale_and_tint_multiply() -> None:
-    light = Environment.constant((0.5, 1.0, 2.0)).scaled(2.0).scaled(3.0).tinted((1.0, 0.5, 0.0)).tinted((2.0, 1.0, 9.0))
+    light = (
+        Environment.constant((0.5, 1.0, 2.0))
+        .scaled(2.0)
+        .scaled(3.0)
+        .tinted((1.0, 0.5, 0.0))
+        .tinted((2.0, 1.0, 9.0))
+    )
     np.testing.assert_allclose(light.cube(3), np.broadcast_to([6.0, 3.0, 0.0], (6, 3, 3, 3)), rtol=1e-6)
-    np.testing.assert_allclose(light.radiance_along(np.array([[0.0, 1.0, 2.0]])), [[6.0, 3.0, 0.0]], rtol=1e-6)
+    np.testing.assert_allclose(
+        light.radiance_along(np.array([[0.0, 1.0, 2.0]])), [[6.0, 3.0, 0.0]], rtol=1e-6
+    )
     np.testing.assert_allclose(light.total, 4.0 * np.pi * np.array([6.0, 3.0, 0.0]), rtol=1e-6)
 
 

@@ -11,6 +11,9 @@ import numpy as np
 
 from .arrays import Float32, Positions
 from .errors import InputError
+from .files import read_regular
+
+_LARGEST_FILE = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Camera:
             raise InputError(path, f"unknown camera field {sorted(unknown)[0]!r}")
         try:
             return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(path, f"camera fields must be numbers: {error}") from None
@@ -62,22 +65,30 @@ class Camera:
     @classmethod
     def open(cls, path: str | Path) -> Camera:
         """Read a JSON file with ``eye``, ``target`` and optionally ``up``, ``vertical_fov_deg``."""
+        text = read_regular(path, limit=_LARGEST_FILE)
         try:
-            text = Path(path).read_text(encoding="utf-8")
             return cls.from_dict(json.loads(text), path)
-        except OSError as error:
-            raise InputError(path, f"cannot read the camera: {error.strerror}") from None
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(path, f"not a JSON camera: {error}") from None
 
     @classmethod
-    def framing(cls, positions: Positions, *, azimuth_deg: float = 35, elevation_deg: float = 18) -> Camera:
-        """A camera that sees all positions, from the front right and a little above."""
+    def framing(
+        cls,
+        positions: Positions,
+        *,
+        azimuth_deg: float = 35,
+        elevation_deg: float = 18,
+        height_share: float = 0.95,
+    ) -> Camera:
+        """A camera from the front right and a little above.
+
+        The sphere about all positions fills ``height_share`` of the picture's height.
+        """
         low, high = positions.min(axis=0), positions.max(axis=0)
         centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
         a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
         toward = np.array([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)])
         fov = 35.0
-        distance = 1.05 * radius / math.sin(math.radians(fov) / 2)
+        distance = radius / (height_share * math.sin(math.radians(fov) / 2))
         eye, target = centre + distance * toward, centre
         return cls(tuple(eye), tuple(target), vertical_fov_deg=fov)

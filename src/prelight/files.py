@@ -16,8 +16,10 @@ from pathlib import Path
 from .errors import InputError, OutputError
 
 
-def explain(error: OSError) -> str:
+def explain(error: OSError | ValueError) -> str:
     """The operating system's reason in words, with what to do for the common ones."""
+    if not isinstance(error, OSError):
+        return str(error)  # a name that no file can have
     remedy = {
         errno.ENOSPC: "the disk is full; free some space and run again",
         errno.EACCES: "permission denied; choose a folder you may write to",
@@ -28,9 +30,11 @@ def explain(error: OSError) -> str:
 
 
 def refuse_existing(path: Path, *, force: bool) -> None:
-    """Raises OutputError if something is at ``path`` and ``force`` is not set."""
+    """Raises OutputError if something is at ``path`` and ``force`` is not set, or its folder is not there."""
     if os.path.lexists(path) and not force:
         raise OutputError(path, "already exists; choose another name or pass --force to replace it")
+    if not os.path.isdir(path.parent):
+        raise OutputError(path, "there is no such folder to write it to; make it first")
 
 
 def sync_folder(folder: Path) -> None:
@@ -42,7 +46,8 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _write_all(handle: int, data: bytes | memoryview) -> None:
+def write_all(handle: int, data: bytes | memoryview) -> None:
+    """Write every byte: the system may take fewer at a time than it is given."""
     view = memoryview(data).cast("B")
     while view:
         view = view[os.write(handle, view[: 1 << 26]) :]
@@ -58,7 +63,7 @@ def publish(path: Path, data: bytes | memoryview, *, durable: bool = True) -> No
         handle = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
         try:
             try:
-                _write_all(handle, data)
+                write_all(handle, data)
                 if durable:
                     os.fsync(handle)
             finally:
@@ -70,7 +75,7 @@ def publish(path: Path, data: bytes | memoryview, *, durable: bool = True) -> No
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
             raise
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise OutputError(path, f"cannot write: {explain(error)}") from None
 
 
@@ -81,17 +86,18 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        status = os.fstat(handle)
+        if not stat.S_ISREG(status.st_mode):
+            os.close(handle)
+            raise InputError(path, "expected a regular file, not a folder, pipe or device")
         with os.fdopen(handle, "rb") as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise InputError(path, "expected a regular file, not a folder, pipe or device")
             if status.st_size == 0:
                 raise InputError(path, "the file is empty")
             if status.st_size > limit:
                 raise InputError(
                     path, f"{status.st_size / 1e6:.0f} MB, at most {limit / 1e6:.0f} MB are read"
                 )
-            return file.read(limit)
+            return file.read(status.st_size)  # not ``limit``, which would be allocated first
     except FileNotFoundError:
         raise InputError(path, "no such file") from None
     except (OSError, ValueError) as error:
@@ -101,12 +107,16 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
 
 
 def swap_folders(new: Path, old: Path) -> None:
-    """Exchange two folders in one step where the system can, else by two renames."""
+    """Exchange two folders in one step where the system can, else by renames of which a kill may leave some."""
     exchange = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     at_cwd, rename_exchange = -100, 2
     if exchange and exchange(at_cwd, os.fsencode(new), at_cwd, os.fsencode(old), rename_exchange) == 0:
         return
     aside = old.with_name(f".{old.name}.{secrets.token_hex(4)}.replaced")
     os.rename(old, aside)
-    os.rename(new, old)
+    try:
+        os.rename(new, old)
+    except BaseException:
+        os.rename(aside, old)
+        raise
     os.rename(aside, new)

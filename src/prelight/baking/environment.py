@@ -18,11 +18,10 @@ import numpy as np
 from ..bases.quadtree import LeafCover
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, encode_panel, groups_of
 from ..errors import InterruptedBakeError
-from ..files import refuse_existing
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.chunks import ArraySpec, ChunkRecord
-from ..storage.journal import BakeWriter
+from ..storage.journal import BakeWriter, refuse_target
 from ..storage.manifest import FORMAT, VERSION, LayerRecord, Manifest, SceneRecord
 from ..transport.ordering import receiver_order
 from ..transport.visibility import Visibility
@@ -69,7 +68,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
         Mitsuba or its LLVM is not installed.
     """
     settings = EnvironmentSettings(resolution, tolerance, epsilon, samples_per_side, memory)
-    refuse_existing(Path(path), force=force)
+    refuse_target(Path(path), force=force)
     plan = plan_environment(scene, settings)
     return bake_planned(scene, path, plan=plan, resume=resume, force=force, report=report)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from ..arrays import Int32
 from .cube_map import FACES
@@ -112,26 +113,38 @@ class LeafCover:
             )
 
     def intersecting(self, face: int, rows: slice, columns: slice) -> np.ndarray:
-        """Indices of the leaves that a rectangle of texels touches, by descending the tree (section 5.2)."""
-        ends = self._ends
-        found = []
-        nodes, first = roots(self.resolution), np.arange(len(FACES)) * self.resolution**2
-        while len(nodes):
-            touched = (
-                (nodes[:, 0] == face)
-                & (nodes[:, 1] < rows.stop)
-                & (nodes[:, 1] + nodes[:, 3] > rows.start)
-                & (nodes[:, 2] < columns.stop)
-                & (nodes[:, 2] + nodes[:, 4] > columns.start)
-            )
-            nodes, first = nodes[touched], first[touched]
-            index = np.searchsorted(ends, first, side="right")
-            is_leaf = texel_counts(self.leaves[index]) == texel_counts(nodes)
-            found.append(index[is_leaf])
-            inner = nodes[~is_leaf]
-            nodes, parent = split(inner)
-            sizes = texel_counts(nodes)
-            before = np.cumsum(sizes) - sizes
-            opening = np.searchsorted(parent, np.arange(len(inner)))
-            first = first[~is_leaf][parent] + before - before[opening][parent] if len(nodes) else first[:0]
-        return np.sort(np.concatenate(found)) if found else np.zeros(0, np.int64)
+        """Indices, ascending, of the leaves that a rectangle of texels touches (section 5.2)."""
+        found = np.empty(len(self.leaves), np.int64)
+        count = _descend(
+            self._ends, self.resolution, face, rows.start, rows.stop, columns.start, columns.stop, found
+        )
+        return found[:count]
+
+
+@njit(cache=True)
+def _descend(ends, resolution, face, top, bottom, left, right, found):  # noqa: PLR0913  (compiled)
+    """Walk down from a face to the leaves inside; a node is a leaf if the leaf at its first texel is as large."""
+    stack = np.empty((64, 5), np.int64)  # row, column, height, width, texels before
+    stack[0] = (0, 0, resolution, resolution, face * resolution * resolution)
+    depth, count = 1, 0
+    while depth:
+        depth -= 1
+        row, column, height, width, first = stack[depth]
+        if row >= bottom or row + height <= top or column >= right or column + width <= left:
+            continue
+        leaf = np.searchsorted(ends, first, side="right")
+        begins = ends[leaf - 1] if leaf else 0
+        if ends[leaf] - begins == height * width:
+            found[count] = leaf
+            count += 1
+            continue
+        upper, west = (height + 1) // 2, (width + 1) // 2
+        after = first + height * width
+        for quarter in range(3, -1, -1):  # the last one first, so that they are popped in Z-order
+            h = height - upper if quarter // 2 else upper
+            w = width - west if quarter % 2 else west
+            if h > 0 and w > 0:
+                after -= h * w
+                stack[depth] = (row + quarter // 2 * upper, column + quarter % 2 * west, h, w, after)
+                depth += 1
+    return count

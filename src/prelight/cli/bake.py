@@ -67,13 +67,13 @@ def environment(
     json
         Print one JSON object on standard output.
     """
-    from ..files import refuse_existing
+    from ..storage.journal import refuse_target
 
     target = output or Path(
         (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
     )
     if not dry_run:
-        refuse_existing(target, force=force)
+        refuse_target(target, force=force)
 
     from ..baking.environment import bake_planned
     from ..baking.environment_plan import EnvironmentSettings, plan_environment

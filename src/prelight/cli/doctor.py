@@ -80,7 +80,7 @@ def _llvm() -> dict[str, Any]:
     library = find_llvm()
     return {
         "llvm_path": None if library is None else str(library.path),
-        "llvm_version": None if library is None else str(library.version),
+        "llvm_version": None if library is None else library.version,
     }
 
 
@@ -89,7 +89,7 @@ def _speeds() -> dict[str, Any]:
 
     from ..checking.machine import read_bandwidth, tracing_speed
 
-    advice = []
+    advice = [] if sys.platform != "linux" or _loads("libatomic.so.1") else [_install("libatomic1", "to trace rays")]
     figures: dict[str, Any] = {"read_bytes_per_second": read_bandwidth()}
     figures |= {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}
     if sys.platform == "linux" and not _loads("libgomp.so.1") and figures["threading_layer"] == "workqueue":
@@ -103,6 +103,10 @@ def _speeds() -> dict[str, Any]:
         figures |= {"can_bake": False, "variant": None, "vertex_directions_per_second": None}
         advice.append(str(error))
     return figures | {"advice": advice}
+
+
+def _install(package: str, purpose: str) -> str:
+    return f"install {package} {purpose}: sudo apt-get install -y {package}"
 
 
 def _loads(library: str) -> bool:

@@ -54,7 +54,9 @@ def rgb_to_rec709(chromaticities: Sequence[float], path: object) -> Matrix | Non
         if min(chromaticities[1::2]) > 1e-6 and abs(np.linalg.det(_rgb_columns(chromaticities))) > 1e-4:
             return xyz_to_rec709(chromaticities[6:]) @ _rgb_to_xyz(chromaticities)
     shown = " ".join(f"{c:.4g}" for c in chromaticities)
-    raise InputError(path, f"chromaticities {shown} span no colour space; expected xy of red, green, blue and white")
+    raise InputError(
+        path, f"chromaticities {shown} span no colour space; expected xy of red, green, blue and white"
+    )
 
 
 def _rgb_columns(chromaticities: Sequence[float]) -> Matrix:

@@ -8,6 +8,7 @@ printed, and the exit status tells the rest.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -22,20 +23,13 @@ def _limit(memory: int, seconds: int, size: int) -> None:
         import resource
     except ImportError:  # no such limits on this system; the deadline remains
         return
-    for name, value in (
-        ("RLIMIT_AS", memory),
-        ("RLIMIT_CPU", seconds),
-        ("RLIMIT_FSIZE", size),
-        ("RLIMIT_CORE", 0),
-    ):
-        if hasattr(resource, name):
-            hard = resource.getrlimit(getattr(resource, name))[1]
-            if hard != resource.RLIM_INFINITY:
-                value = min(value, hard)
-            try:
-                resource.setrlimit(getattr(resource, name), (value, value))
-            except (ValueError, OSError):  # some systems refuse RLIMIT_AS
-                continue
+    limits = {"RLIMIT_AS": memory, "RLIMIT_CPU": seconds, "RLIMIT_FSIZE": size, "RLIMIT_CORE": 0}
+    for name, wanted in limits.items():
+        with contextlib.suppress(AttributeError, ValueError, OSError):  # some systems refuse or lack one
+            which = getattr(resource, name)
+            hard = resource.getrlimit(which)[1]
+            value = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+            resource.setrlimit(which, (value, value))
 
 
 def _decode(job: dict) -> None:
@@ -56,7 +50,7 @@ def _decode(job: dict) -> None:
         block = np.empty((min(rows, top + height - first), width, 3), np.float32)
         for k in range(3):  # one channel, Y, serves all three
             block[..., k] = channels[k % len(channels)][first : first + len(block), left : left + width]
-        view = memoryview(block).cast("B")
+        view = block.data.cast("B")
         while view:
             view = view[os.write(job["target"], view) :]
 

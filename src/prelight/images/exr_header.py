@@ -152,7 +152,8 @@ def _read_part(reader: _Reader, *, tiled: bool) -> Part | None:
         check_size(reader.path, right - left + 1, bottom - top + 1)
     tile = None
     if found.get("type", b"tiledimage" if tiled else b"") == b"tiledimage":
-        if "tiles" not in found or min(tile := found["tiles"][:2]) < 1:
+        tile = found.get("tiles", (0, 0))[:2]
+        if min(tile) < 1:
             raise reader.damaged("its tiles have no size")
     return Part(
         channels=found["channels"],
@@ -175,7 +176,9 @@ def read_parts(path: object, data: bytes) -> list[Part]:
     if version & 0xFF != 2 or version & ~(0xFF | _TILED | _LONG_NAMES | _DEEP | _MULTIPART):
         raise reader.damaged(f"version field {version:#x}, expected version 2 with known flags")
     if version & _DEEP:
-        raise InputError(path, "a deep OpenEXR file (many samples a pixel), expected a flat one; flatten it first")
+        raise InputError(
+            path, "a deep OpenEXR file (many samples a pixel), expected a flat one; flatten it first"
+        )
     parts: list[Part] = []
     while part := _read_part(reader, tiled=bool(version & _TILED)):
         parts.append(part)
@@ -185,7 +188,9 @@ def read_parts(path: object, data: bytes) -> list[Part]:
         raise reader.damaged("no picture in it")
     fewest = reader.at + sum(part.fewest_bytes for part in parts)
     if fewest > len(data):
-        raise InputError(path, f"the file is cut short: {len(data):,} bytes, its header asks for {fewest:,} or more")
+        raise InputError(
+            path, f"the file is cut short: {len(data):,} bytes, its header asks for {fewest:,} or more"
+        )
     if (decoded := sum(part.decoded_bytes for part in parts)) > _MOST_DECODED_BYTES:
         raise InputError(
             path,
@@ -193,5 +198,3 @@ def read_parts(path: object, data: bytes) -> list[Part]:
             "are decoded; keep only R, G and B",
         )
     return parts
-
-

@@ -40,7 +40,9 @@ def _first_bytes(path: str | Path) -> bytes:
     return b""
 
 
-def _decoder(path: object, first: bytes) -> Callable[[object, bytes], tuple[Picture, chromaticities.Matrix | None]]:
+def _decoder(
+    path: object, first: bytes
+) -> Callable[[object, bytes], tuple[Picture, chromaticities.Matrix | None]]:
     """What decodes a file that begins with these bytes. Raises InputError for any other kind."""
     if first.startswith(radiance_hdr.MAGIC):
         return radiance_hdr.decode_radiance_hdr
@@ -87,7 +89,9 @@ def _check_picture(path: object, picture: np.ndarray, dtype: type) -> None:
     shape = getattr(picture, "shape", None)
     if shape is None or len(shape) != 3 or shape[2] != 3 or min(shape) < 1 or picture.dtype != dtype:
         given = f"{getattr(picture, 'dtype', type(picture).__name__)} {shape or ''}".strip()
-        raise InputError(path, f"cannot write {given} as a picture, expected {np.dtype(dtype).name} (height, width, 3)")
+        raise InputError(
+            path, f"cannot write {given} as a picture, expected {np.dtype(dtype).name} (height, width, 3)"
+        )
 
 
 def write_exr(path: str | Path, picture: Picture) -> None:

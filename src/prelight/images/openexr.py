@@ -21,6 +21,7 @@ from typing import IO
 
 import numpy as np
 
+from .. import files
 from ..arrays import Picture
 from ..errors import InputError, MissingExtraError, OutputError
 from . import chromaticities, exr_child
@@ -41,7 +42,9 @@ def _choose(path: object, parts: list[Part]) -> tuple[int, list[str]]:
         for number, part in enumerate(parts):
             if part.names >= set(wanted) and not part.names & {"RY", "BY"}:
                 if any(channel.subsampled for channel in part.channels if channel.name in wanted):
-                    raise InputError(path, "its channels are subsampled, expected full R, G and B; save it anew")
+                    raise InputError(
+                        path, "its channels are subsampled, expected full R, G and B; save it anew"
+                    )
                 return number, wanted
     names = [channel.name for part in parts for channel in part.channels]
     if {"RY", "BY"} & set(names):
@@ -63,14 +66,19 @@ def _crop(path: object, part: Part) -> list[int]:
     return [y0 - top, x0 - left, y1 - y0 + 1, x1 - x0 + 1]
 
 
-def _scratch() -> IO[bytes]:
-    """A nameless file, in memory where the system can."""
-    if hasattr(os, "memfd_create"):
-        return os.fdopen(os.memfd_create("prelight"), "w+b")
-    return tempfile.TemporaryFile()
+def _scratch(path: object, content: bytes = b"") -> IO[bytes]:
+    """A nameless file, in memory where the system can, at its beginning. Raises OutputError if there is no room."""
+    try:
+        in_memory = hasattr(os, "memfd_create")
+        file = os.fdopen(os.memfd_create("prelight"), "w+b") if in_memory else tempfile.TemporaryFile()
+        file.write(content)
+        file.seek(0)
+    except OSError as error:
+        raise OutputError(path, f"no room to decode it: {files.explain(error)}") from None
+    return file
 
 
-def _run_child(path: object, job: dict, files: tuple[int, int], *, deadline: float) -> None:
+def _run_child(path: object, job: dict, handles: tuple[int, int], *, deadline: float) -> None:
     """Run the decoder to its end. Raises InputError if it fails, dies or is late."""
     command = [sys.executable, "-P", _CHILD, json.dumps(job)]  # -P: this folder stays off its import path
     try:
@@ -79,7 +87,7 @@ def _run_child(path: object, job: dict, files: tuple[int, int], *, deadline: flo
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            pass_fds=files,
+            pass_fds=handles,
             timeout=deadline,
             check=False,
         ).returncode
@@ -113,14 +121,15 @@ def decode_exr(path: object, data: bytes) -> tuple[Picture, chromaticities.Matri
     parts = read_parts(path, data)
     number, wanted = _choose(path, parts)
     part = parts[number]
-    matrix = chromaticities.rgb_to_rec709(part.chromaticities, path) if part.chromaticities and len(wanted) > 1 else None
+    matrix = (
+        chromaticities.rgb_to_rec709(part.chromaticities, path)
+        if part.chromaticities and len(wanted) > 1
+        else None
+    )
     crop = _crop(path, part)
     left, top, right, bottom = part.data_window
     decoded = sum(p.decoded_bytes for p in parts)
-    with _scratch() as source, _scratch() as target:
-        source.write(data)
-        source.flush()
-        source.seek(0)
+    with _scratch(path, data) as source, _scratch(path) as target:
         job = {
             "source": source.fileno(),
             "target": target.fileno(),

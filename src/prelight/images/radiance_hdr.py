@@ -61,10 +61,14 @@ def _read_variable(path: object, line: str, header: _Header) -> None:
         factors = _numbers(path, line, 1 if line.startswith("E") else 3)
         if min(factors) <= 0:
             raise InputError(path, f"header line {line[:60]!r}, expected numbers above 0")
-        header.exposure = [old * new for old, new in zip(header.exposure, factors * (3 // len(factors)), strict=True)]
+        header.exposure = [
+            old * new for old, new in zip(header.exposure, factors * (3 // len(factors)), strict=True)
+        ]
     elif line.startswith("GAMMA="):
         if abs((gamma := _numbers(path, line, 1)[0]) - 1.0) > 1e-3:
-            raise InputError(path, f"GAMMA={gamma:g}, expected linear values; save the map without gamma correction")
+            raise InputError(
+                path, f"GAMMA={gamma:g}, expected linear values; save the map without gamma correction"
+            )
     elif line.startswith("PRIMARIES="):
         primaries = _numbers(path, line, 8)
         header.primaries = primaries if any(primaries) else None  # Photoshop writes eight zeros
@@ -89,7 +93,11 @@ def _read_header(path: object, data: bytes) -> _Header:
     while True:
         end = head.find(b"\n", at)
         if end < 0:
-            reason = "no resolution line in the first 64 KB" if len(data) > len(head) else "the file ends in its header"
+            reason = (
+                "no resolution line in the first 64 KB"
+                if len(data) > len(head)
+                else "the file ends in its header"
+            )
             raise InputError(path, f"{reason}; it is damaged or no Radiance picture")
         line = head[at:end].decode("latin-1").rstrip("\r")
         at = end + 1

@@ -39,7 +39,7 @@ def _walk_new(data: np.ndarray, at: int, width: int) -> tuple[int, int]:
             if count == 0 or column + count > width:
                 return RUN_TOO_LONG, at
             column += count
-            at += 1 + (count if literal else 1)
+            at += 1 + (count if literal else 1)  # ty: ignore[invalid-assignment]
     return (OK if at <= data.size else CUT_SHORT), at
 
 
@@ -92,7 +92,7 @@ def _decode_new(data: np.ndarray, at: int, line: np.ndarray) -> None:
             for k in range(count):  # loops, not slices: a tenth of the time to compile
                 line[component, column + k] = data[at + 1 + k] if literal else data[at + 1]
             column += count
-            at += 1 + (count if literal else 1)
+            at += 1 + (count if literal else 1)  # ty: ignore[invalid-assignment]
 
 
 @njit(cache=True)

@@ -36,7 +36,8 @@ def _amount(name: str, value: object, *, least: float | None = None) -> float:
         number = math.nan
     if not math.isfinite(number) or (least is not None and number < least):
         raise InputError(
-            name, f"{value!r}, expected a finite number" + ("" if least is None else f" of at least {least:g}")
+            name,
+            f"{value!r}, expected a finite number" + ("" if least is None else f" of at least {least:g}"),
         )
     return number
 
@@ -87,6 +88,33 @@ def _check_proportions(height: int, width: int, *, layout: str, name: str) -> No
 
 
 @dataclass(frozen=True, eq=False)
+class _CheckedMap:
+    """Pixels that have been checked, and what is found out about them once for all turns and tints."""
+
+    pixels: Float32[np.ndarray, "... 3"]
+    layout: str
+    brightest: float
+
+    @cached_property
+    def sampled(self) -> tuple[Float32[np.ndarray, "... 3"], str]:
+        """The pixels in use and their layout, where a picture of faces has become a cube."""
+        kind = PICTURE_LAYOUTS.get(self.layout)
+        return (kind.faces(self.pixels), "cube") if isinstance(kind, Faces) else (self.pixels, self.layout)
+
+    @cached_property
+    def total(self) -> Float64[np.ndarray, "3"]:
+        """∫ L dω by the exact solid angle of every pixel."""
+        pixels, layout = self.sampled
+        kind = PICTURE_LAYOUTS.get(layout)
+        if kind is None or isinstance(kind, Faces):
+            edges = np.linspace(-1.0, 1.0, pixels.shape[1] + 1)
+            weights = cube_map.rectangle_solid_angles(edges, edges)
+            return sum((np.einsum("ij,ijk->k", weights, face) for face in pixels), np.zeros(3))
+        weights = kind.solid_angles(*pixels.shape[:2])
+        return sum((row @ line for row, line in zip(weights, pixels, strict=True)), np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
 class Environment:
     """Light from infinitely far away, given as a map of radiance.
 
@@ -117,7 +145,7 @@ class Environment:
     scale: float = 1.0
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = "environment"
-    _brightest: float | None = field(default=None, repr=False)  # known when the pixels have been checked
+    _map: _CheckedMap | None = field(default=None, repr=False)  # shared by all that ``replace`` makes
 
     def __post_init__(self) -> None:
         def put(attribute: str, value: object) -> None:
@@ -126,10 +154,13 @@ class Environment:
         put("rotation_deg", _amount(f"{self.name}: rotation", self.rotation_deg) % 360.0)
         put("scale", _amount(f"{self.name}: scale", self.scale, least=0.0))
         put("tint", _colour(f"{self.name}: tint", self.tint))
-        if self._brightest is None:
-            put("pixels", _checked_pixels(self.pixels, self.layout, self.name))
-            put("_brightest", float(self.pixels.max()))
-        if self._brightest * max(1.0, self.scale * max(self.tint)) > _LARGEST:
+        known = self._map
+        if known is None or known.pixels is not self.pixels or known.layout != self.layout:
+            pixels = _checked_pixels(self.pixels, self.layout, self.name)
+            known = _CheckedMap(pixels, self.layout, float(pixels.max()))
+            put("_map", known)
+            put("pixels", pixels)
+        if known.brightest * max(1.0, self.scale * max(self.tint)) > _LARGEST:
             raise InputError(self.name, f"radiance above {_LARGEST:.0e}; lower the scale, the tint or the map")
 
     # ---- Where environments come from --------------------------------------------------------------------
@@ -148,9 +179,7 @@ class Environment:
         from ..images.formats import read_radiance_map
 
         if layout is not None and layout not in PICTURE_LAYOUTS:
-            raise InputError(
-                path, f"layout {layout!r} is not known; known are {', '.join(PICTURE_LAYOUTS)}"
-            )
+            raise InputError(path, f"layout {layout!r} is not known; known are {', '.join(PICTURE_LAYOUTS)}")
         pixels = read_radiance_map(path)
         height, width = pixels.shape[:2]
         layout = layout or layouts.recognised(height, width)
@@ -204,26 +233,15 @@ class Environment:
         """Scale times tint."""
         return self.scale * np.array(self.tint)
 
-    @cached_property
-    def _map(self) -> tuple[Float32[np.ndarray, "... 3"], str]:
-        """The pixels in use and their layout, where pictures of faces have become a cube."""
-        kind = PICTURE_LAYOUTS.get(self.layout)
-        return (kind.faces(self.pixels), "cube") if isinstance(kind, Faces) else (self.pixels, self.layout)
-
-    @cached_property
-    def _map_total(self) -> Float64[np.ndarray, "3"]:
-        pixels, layout = self._map
-        if layout == "cube":
-            edges = np.linspace(-1.0, 1.0, pixels.shape[1] + 1)
-            weights = cube_map.rectangle_solid_angles(edges, edges)
-            return sum((np.einsum("ij,ijk->k", weights, face) for face in pixels), np.zeros(3))
-        weights = PICTURE_LAYOUTS[layout].solid_angles(*pixels.shape[:2])
-        return sum((row @ line for row, line in zip(weights, pixels, strict=True)), np.zeros(3))
+    @property
+    def _checked(self) -> _CheckedMap:
+        assert self._map is not None  # set by __post_init__
+        return self._map
 
     @property
     def total(self) -> Float64[np.ndarray, "3"]:
         """∫ L dω over the sphere, by the exact solid angle of every pixel; scale and tint included."""
-        return self._map_total * self.gain
+        return self._checked.total * self.gain
 
     def cube(self, resolution: int) -> CubeMap:
         """The mean radiance (6, R, R, 3) of each texel of a cube map (``bases.cube_map``), as turned.
@@ -246,8 +264,8 @@ class Environment:
             raise InputError("resolution", f"{resolution!r}, {expected}")
         from .resampling import resampled
 
-        pixels, layout = self._map
-        out = resampled(pixels, side, layout=layout, degrees=self.rotation_deg, total=self._map_total)
+        pixels, layout = self._checked.sampled
+        out = resampled(pixels, side, layout=layout, degrees=self.rotation_deg, total=self._checked.total)
         if not np.array_equal(self.gain, np.ones(3)):
             out *= self.gain.astype(np.float32)
         return out
@@ -257,14 +275,19 @@ class Environment:
 
         Raises InputError for another shape, NaN or infinite values. The zero vector sees some direction.
         """
-        d = np.ascontiguousarray(directions, np.float32)
+        with np.errstate(over="ignore"):
+            d = np.ascontiguousarray(directions, np.float32)
         if d.ndim != 2 or d.shape[1] != 3 or not np.isfinite(d).all():
             raise InputError("directions", f"an array of shape {d.shape}, expected finite numbers (n, 3)")
         from . import lookup
 
-        pixels, layout = self._map
+        pixels, layout = self._checked.sampled
         out = np.empty((len(d), 3), np.float32)
-        kernels = {"latlong": lookup.along_latlong, "angular": lookup.along_angular, "cube": lookup.along_faces}
+        kernels = {
+            "latlong": lookup.along_latlong,
+            "angular": lookup.along_angular,
+            "cube": lookup.along_faces,
+        }
         kernels[layout](pixels, d, math.radians(self.rotation_deg), out)
         out *= self.gain.astype(np.float32)
         return out

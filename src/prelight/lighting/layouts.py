@@ -22,7 +22,7 @@ import numpy as np
 
 from ..arrays import CubeMap, Float64, Picture
 
-Fractions = Float64[np.ndarray, "..."]
+Fractions = Float64[np.ndarray, "..."] | np.float64
 
 _PERMITTED_RATIO_ERROR = 0.01  # 1024×511 is still 2:1
 _SINC_SERIES = [(-(pi**2)) ** k / factorial(2 * k + 1) for k in range(14)]  # good to 1e-15 for r² up to 1
@@ -62,7 +62,9 @@ class AngularMap:
         p, q = np.broadcast_arrays(2.0 * np.asarray(x) - 1.0, 1.0 - 2.0 * np.asarray(y))
         r = np.hypot(p, q)
         reach = np.pi * np.sinc(r)  # sin πr / r, also at r = 0
-        return np.where(r[..., None] > 1.0, 0.0, np.stack([p * reach, q * reach, -np.cos(np.pi * r)], axis=-1))
+        return np.where(
+            r[..., None] > 1.0, 0.0, np.stack([p * reach, q * reach, -np.cos(np.pi * r)], axis=-1)
+        )
 
     @staticmethod
     def _density(r2: Fractions) -> Fractions:
@@ -83,7 +85,9 @@ class AngularMap:
         r = np.hypot(p, q)
         shrink = np.where(r > 1.0, (1.0 - 2.0 / min(height, width)) / np.maximum(r, 1.0), 1.0)
         row = np.clip(np.floor((q * shrink + 1.0) * 0.5 * height), 0, height - 1)
-        return (row * width + np.clip(np.floor((p * shrink + 1.0) * 0.5 * width), 0, width - 1)).astype(np.int64)
+        return (row * width + np.clip(np.floor((p * shrink + 1.0) * 0.5 * width), 0, width - 1)).astype(
+            np.int64
+        )
 
     def solid_angles(self, height: int, width: int) -> Float64[np.ndarray, "height width"]:
         """Solid angle of the part of every pixel inside the disc, in steradians; together 4π.

@@ -28,8 +28,8 @@ def along_latlong(pixels: Picture, directions: Points, turn: float, out: Radianc
         down = atan2(hypot(x, z), y) / pi * height - 0.5
         column, row = floor(across), floor(down)
         s, t = across - column, down - row
-        left, right = int(column) % width, (int(column) + 1) % width
-        above, below = max(int(row), 0), min(int(row) + 1, height - 1)
+        left, right = column % width, (column + 1) % width
+        above, below = max(row, 0), min(row + 1, height - 1)
         out[n] = 0.0
         _add(out[n], pixels[above, left], (1.0 - s) * (1.0 - t))
         _add(out[n], pixels[above, right], s * (1.0 - t))
@@ -65,7 +65,7 @@ def along_angular(pixels: Picture, directions: Points, turn: float, out: Radianc
         out[n] = 0.0
         for j in range(2):
             for i in range(2):
-                at, to = _inward(int(row) + j, int(column) + i, height, width)
+                at, to = _inward(row + j, column + i, height, width)
                 _add(out[n], pixels[at, to], (u if i else 1.0 - u) * (v if j else 1.0 - v))
 
 
@@ -105,7 +105,7 @@ def along_faces(faces: CubeMap, directions: Points, turn: float, out: Radiance) 
         x, y, z = np.float64(directions[n, 0]), np.float64(directions[n, 1]), np.float64(directions[n, 2])
         face, u, v = _on_face(c * x - s * z, y, s * x + c * z)
         across, down = 0.5 * (1.0 + u) * side - 0.5, 0.5 * (1.0 + v) * side - 0.5
-        column, row = int(floor(across)), int(floor(down))
+        column, row = floor(across), floor(down)
         u, v = across - column, down - row
         out[n] = 0.0
         for j in range(2):

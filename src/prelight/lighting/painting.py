@@ -26,7 +26,9 @@ def every_direction(height: int, width: int) -> Float32[np.ndarray, "height widt
 
 def pointing(azimuth_deg: float, elevation_deg: float) -> Float64[np.ndarray, "3"]:
     """The unit direction of an azimuth and an elevation above the horizon."""
-    return LatLong().directions(0.5 + azimuth_deg / 360.0, 0.5 - elevation_deg / 180.0)
+    return LatLong().directions(
+        np.float64(0.5 + azimuth_deg / 360.0), np.float64(0.5 - elevation_deg / 180.0)
+    )
 
 
 def hue(red: float, green: float, blue: float) -> Float32[np.ndarray, "3"]:
@@ -78,7 +80,12 @@ def disc(d: Picture, direction: Float64[np.ndarray, "3"], radius_deg: float, edg
 
 
 def soft_box(
-    d: Picture, direction: Float64[np.ndarray, "3"], width_deg: float, height_deg: float, *, edge: float = 0.12
+    d: Picture,
+    direction: Float64[np.ndarray, "3"],
+    width_deg: float,
+    height_deg: float,
+    *,
+    edge: float = 0.12,
 ) -> Share:
     """An upright rectangle facing the scene: one in the middle, falling off gently, then over ``edge``."""
     right = np.cross(-direction, (0.0, 1.0, 0.0))
@@ -107,7 +114,9 @@ def add_light(picture: Picture, share: Share, irradiance: Sequence[float]) -> No
     picture[lit] += share[lit][:, None] * (np.array(irradiance) / whole).astype(np.float32)
 
 
-def lay_ground(picture: Picture, albedo: Sequence[float], *, haze: float = 0.3, reach_deg: float = 3.0) -> None:
+def lay_ground(
+    picture: Picture, albedo: Sequence[float], *, haze: float = 0.3, reach_deg: float = 3.0
+) -> None:
     """Paint the lower half as an endless diffuse plane lit by the upper half, in place.
 
     Towards the horizon it takes on that share (``haze``) of what stands above it, over ``reach_deg``.
@@ -120,5 +129,7 @@ def lay_ground(picture: Picture, albedo: Sequence[float], *, haze: float = 0.3, 
     ground = (np.array(albedo) * irradiance / np.pi).astype(np.float32)
     depth_deg = (np.arange(height - horizon) + 0.5) * 180.0 / height
     share = (haze * np.exp(-depth_deg / reach_deg)).astype(np.float32)[:, None, None]
-    above = np.minimum(picture[horizon - 1], 4.0 * np.median(picture[horizon - 1], axis=0))  # no lamp's mirror image
+    above = np.minimum(
+        picture[horizon - 1], 4.0 * np.median(picture[horizon - 1], axis=0)
+    )  # no lamp's mirror image
     picture[horizon:] = ground * (1.0 - share) + share * above

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from ..arrays import CubeMap, Float64, Picture
+from ..arrays import Float64, Picture
 
 SAMPLES_PER_TEXEL_SIDE = 2.0
 COARSEST_STEP = 1.0 / 64.0  # radians; however large a texel is, a sub-sample is smaller than this
@@ -101,8 +101,12 @@ def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: t
     scale, half = 1.0 / along, 0.5 * slab.resolution
     u, v = scale * _dot(slab.u_axis, d), scale * _dot(slab.v_axis, d)
     e_out, f_out = _dot(slab.axis, e), _dot(slab.axis, f)
-    wide = 0.5 * scale * sqrt((_dot(slab.u_axis, e) - u * e_out) ** 2 + (_dot(slab.u_axis, f) - u * f_out) ** 2)
-    tall = 0.5 * scale * sqrt((_dot(slab.v_axis, e) - v * e_out) ** 2 + (_dot(slab.v_axis, f) - v * f_out) ** 2)
+    wide = (
+        0.5 * scale * sqrt((_dot(slab.u_axis, e) - u * e_out) ** 2 + (_dot(slab.u_axis, f) - u * f_out) ** 2)
+    )
+    tall = (
+        0.5 * scale * sqrt((_dot(slab.v_axis, e) - v * e_out) ** 2 + (_dot(slab.v_axis, f) - v * f_out) ** 2)
+    )
     u0, u1, v0, v1 = u - wide, u + wide, v - tall, v + tall
     if u0 >= 1.0 or u1 <= -1.0 or v0 >= 1.0 or v1 <= -1.0:
         return
@@ -169,7 +173,11 @@ def scatter_latlong(slab: Slab, pixels: Picture, turn: float, highest: Vector) -
                 for j in range(down):
                     t = row * tall + (j + 0.5) * h
                     s, c = sin(t), cos(t)
-                    d, e, f = (s * sa, c, -s * ca), (w * s * ca, 0.0, w * s * sa), (h * c * sa, -h * s, -h * c * ca)
+                    d, e, f = (
+                        (s * sa, c, -s * ca),
+                        (w * s * ca, 0.0, w * s * sa),
+                        (h * c * sa, -h * s, -h * c * ca),
+                    )
                     _spread(slab, d, e, f, w * 2.0 * s * sin(0.5 * h), light)  # exactly ∫ sin t dt da
 
 
@@ -186,8 +194,8 @@ def _disc_light(pixels: Picture, row: int, column: int, highest: Vector) -> tupl
     if not _on_disc(row, column, height, width):  # as ``layouts.AngularMap.inward``
         p, q = (2.0 * column + 1.0) / width - 1.0, (2.0 * row + 1.0) / height - 1.0
         shrink = (1.0 - 2.0 / min(height, width)) / sqrt(p * p + q * q)
-        row = min(max(int(floor((q * shrink + 1.0) * 0.5 * height)), 0), height - 1)
-        column = min(max(int(floor((p * shrink + 1.0) * 0.5 * width)), 0), width - 1)
+        row = min(max(floor((q * shrink + 1.0) * 0.5 * height), 0), height - 1)
+        column = min(max(floor((p * shrink + 1.0) * 0.5 * width), 0), width - 1)
     light = pixels[row, column]
     r, g, b = min(light[0], highest[0]), min(light[1], highest[1]), min(light[2], highest[2])
     for i in range(max(row - 1, 0), min(row + 2, height)):

@@ -14,9 +14,19 @@ import numpy as np
 from ..arrays import Picture
 from ..errors import InputError
 from .painting import (
-    add_light, angle_to, by_elevation, cie_clear, cie_overcast, disc, every_direction, hue, lay_ground, mixed,
-    pointing, soft_box,
-)  # fmt: skip
+    add_light,
+    angle_to,
+    by_elevation,
+    cie_clear,
+    cie_overcast,
+    disc,
+    every_direction,
+    hue,
+    lay_ground,
+    mixed,
+    pointing,
+    soft_box,
+)
 
 HEIGHT, WIDTH = 512, 1024
 
@@ -73,7 +83,7 @@ def _studio(d: Picture) -> Picture:
 def _stage(d: Picture) -> Picture:
     """Coloured spots in the dark: magenta from the left, teal from behind, amber high in front."""
     picture = np.empty_like(d)
-    picture[:] = np.float32([0.012, 0.014, 0.030])
+    picture[:] = (0.012, 0.014, 0.030)
     add_light(picture, disc(d, pointing(-98.0, 20.0), 7.0, 3.0), (2.7, 0.05, 1.5))
     add_light(picture, disc(d, pointing(64.0, 24.0), 8.0, 3.0), (0.03, 1.35, 1.55))
     add_light(picture, disc(d, pointing(-152.0, 50.0), 5.0, 3.0), 0.75 * hue(1.0, 0.54, 0.14))

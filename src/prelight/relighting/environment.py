@@ -14,7 +14,7 @@ from ..bases.quadtree import LeafCover
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES, first_tiles, groups_of
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
-from .tile_kernels import EVERY, cluster_light, relight_full, relight_local, write_radiance
+from .tile_kernels import EVERY, cluster_light, in_receiver_order, relight_full, relight_local
 
 _LOCAL_SHARE = 0.2  # of the clusters: beyond it a full relight is faster
 _REFRESH_AFTER = 4096  # local updates
@@ -49,6 +49,8 @@ class EnvironmentLayer:
         self.first = first_tiles(self.present).astype(np.int32)
         self.tiles = [bake.array(f"{at}/tiles/{p:05d}") for p in range(len(self.present))]
         self.addresses = np.array([tiles.ctypes.data for tiles in self.tiles], np.int64)
+        bits = self.present[:, :, None] >> np.arange(TILES, dtype=np.uint16) & 1
+        self.groups_of_column = bits.sum(axis=1, dtype=np.int64).ravel()  # that have a tile there
         self.tree = LeafCover(self.rectangles, self.resolution)
         self._check(bake)
 
@@ -91,12 +93,12 @@ class EnvironmentRelighter:
 
     def __init__(self, layer: EnvironmentLayer, albedo: Float32[np.ndarray, "receivers 3"]) -> None:
         self.layer = layer
-        self._albedo = np.ascontiguousarray(albedo)
+        self._albedo = _grouped(albedo, layer.order)
         R, clusters = layer.resolution, len(layer.rectangles)
         self._cube = np.zeros((6, R, R, 3), np.float32)
         self._light: Float64[np.ndarray, "clusters 3"] = np.zeros((clusters, 3))
         self._sums = np.zeros((layer.present.shape[1], 3 * GROUP))
-        self._radiance = np.zeros((len(albedo), 3), np.float32)
+        self._radiance = np.zeros_like(self._albedo)  # in groups, storage order
         self._threads = numba.get_num_threads()
         self._scratch = np.zeros((self._threads, 3 * GROUP), np.float32)
         self._brightest = 0.0
@@ -113,7 +115,9 @@ class EnvironmentRelighter:
     @property
     def radiance(self) -> Radiance:
         """(R, 3), in receiver order; a copy."""
-        return self._radiance.copy()
+        radiance = np.empty((len(self.layer.order), 3), np.float32)
+        in_receiver_order(self.layer.order, self._radiance, radiance)
+        return radiance
 
     def set_cube(self, cube: CubeMap) -> Update:
         """Replace the whole environment (copied); only the clusters whose light changes are summed again."""
@@ -194,39 +198,45 @@ class EnvironmentRelighter:
             weights,
             EVERY.copy(),
             self._scratch,
+            self._albedo,
             self._sums,
+            self._radiance,
         )
-        write_radiance(layer.order, self._albedo, self._sums, self._radiance)
         self._since_full, self._brightest = 0, float(self._light.sum())
         self.last = Update("full", (time.perf_counter() - started) * 1e3, layer.bytes, changed)
         return self.last
 
     def _local(self, started: float, clusters: np.ndarray, change: np.ndarray) -> None:
         layer = self.layer
-        column, start = np.unique(clusters // TILE, return_index=True)
+        tile, within = np.divmod(clusters, TILE)
+        start = np.flatnonzero(np.diff(tile, prepend=-1))
+        column, start = tile[start], np.append(start, len(clusters))
         relight_local(
             layer.addresses,
             layer.first,
             layer.present,
             column,
-            np.append(start, len(clusters)),
-            (clusters % TILE).astype(np.int32),
+            start,
+            within.astype(np.int32),
             change * layer.scales[clusters, None],
-            layer.order,
             self._albedo,
             self._sums,
             self._radiance,
             self._threads,
         )
         self._since_full += 1
-        elapsed = (time.perf_counter() - started) * 1e3
-        self.last = Update("local", elapsed, self._bytes_of(clusters), len(clusters))
+        read = int((layer.groups_of_column[column] * np.diff(start)).sum()) * GROUP
+        self.last = Update("local", (time.perf_counter() - started) * 1e3, read, len(clusters))
 
-    def _bytes_of(self, clusters: np.ndarray) -> int:
-        """Bytes of these clusters' own transfer vectors."""
-        column, count = np.unique(clusters // TILE, return_counts=True)
-        groups = (self.layer.present[column // TILES] >> (column % TILES)[:, None].astype(np.uint16)) & 1
-        return int((groups.sum(axis=1) * count).sum()) * GROUP
+
+def _grouped(values: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """(R, 3) in receiver order as groups (G, 96), filled up with zeros."""
+    groups = groups_of(len(order))
+    stored = np.zeros((groups * GROUP, 3), np.float32)
+    stored[: len(order)] = values[order]
+    return np.ascontiguousarray(stored.reshape(groups, GROUP, 3).transpose(0, 2, 1)).reshape(
+        groups, 3 * GROUP
+    )
 
 
 def _radiances(values: np.ndarray) -> np.ndarray:

@@ -25,6 +25,21 @@ def _read_only(kind: types.Type, dimensions: int) -> types.Array:
 
 
 @njit(cache=True)
+def _count_bits(bits):
+    count = 0
+    while bits:
+        bits &= bits - 1
+        count += 1
+    return count
+
+
+@njit(cache=True)
+def _write_group(albedo, sums, radiance):
+    for i in range(3 * GROUP):
+        radiance[i] = np.float32(max(sums[i], 0.0)) * albedo[i]
+
+
+@njit(cache=True)
 def _full_groups(addresses, first, present, lit, weights, every, scratch, sums, begin, end):
     panels = len(addresses)
     for g in range(begin, end):
@@ -64,27 +79,32 @@ def _full_groups(addresses, first, present, lit, weights, every, scratch, sums, 
             types.float32[:, ::1],
             types.int32[::1],
             types.float32[:, ::1],
+            types.float32[:, ::1],
             types.float64[:, ::1],
+            types.float32[:, ::1],
         )
     ],
     parallel=True,
     cache=True,
 )
-def relight_full(addresses, first, present, lit, weights, every, scratch, sums):
-    """sums = Σ_k weights_k T_k  (Eq. 8).
+def relight_full(addresses, first, present, lit, weights, every, scratch, albedo, sums, radiance):
+    """sums = Σ_k weights_k T_k  (Eq. 8), and the radiance that follows.
 
     addresses (P,) of the panels' tiles; first, present (P, G); lit (P,) bits of the tiles that have a
-    weight; weights (P·256, 3), scale included; every = 0 … 15; scratch (threads, 96); sums (G, 96).
+    weight; weights (P·256, 3), scale included; every = 0 … 15; scratch (threads, 96);
+    albedo, sums and radiance (G, 96): three channels of 32 receivers, in storage order.
     """
     threads, groups = len(scratch), present.shape[1]
     for t in prange(threads):
         begin, end = groups * t // threads, groups * (t + 1) // threads
         _full_groups(addresses, first, present, lit, weights, every, scratch[t], sums, begin, end)
+        for g in range(begin, end):
+            _write_group(albedo[g], sums[g], radiance[g])
 
 
 @njit(cache=True)
 def _local_groups(
-    addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, begin, end
+    addresses, first, present, column, start, index, weights, albedo, sums, radiance, begin, end
 ):
     for g in range(begin, end):
         touched = False
@@ -92,9 +112,7 @@ def _local_groups(
             p, s = column[c] // TILES, column[c] % TILES
             bits = present[p, g]
             if (bits >> s) & 1:
-                t = first[p, g]
-                for before in range(s):
-                    t += (bits >> before) & 1
+                t = first[p, g] + _count_bits(bits & ((1 << s) - 1))
                 a = start[c]
                 _product64(
                     addresses[p] + t * _TILE_BYTES,
@@ -105,15 +123,7 @@ def _local_groups(
                 )
                 touched = True
         if touched:
-            _write_group(g, order, albedo, sums, radiance)
-
-
-@njit(cache=True)
-def _write_group(g, order, albedo, sums, radiance):
-    for i in range(min(GROUP, len(order) - g * GROUP)):
-        r = order[g * GROUP + i]
-        for c in range(3):
-            radiance[r, c] = max(sums[g, c * GROUP + i], 0.0) * albedo[r, c]
+            _write_group(albedo[g], sums[g], radiance[g])
 
 
 @njit(
@@ -126,8 +136,7 @@ def _write_group(g, order, albedo, sums, radiance):
             types.int64[::1],
             types.int32[::1],
             types.float64[:, ::1],
-            _read_only(types.int32, 1),
-            _read_only(types.float32, 2),
+            types.float32[:, ::1],
             types.float64[:, ::1],
             types.float32[:, ::1],
             types.int64,
@@ -136,50 +145,38 @@ def _write_group(g, order, albedo, sums, radiance):
     parallel=True,
     cache=True,
 )
-def relight_local(
-    addresses, first, present, column, start, index, weights, order, albedo, sums, radiance, threads
-):
+def relight_local(addresses, first, present, column, start, index, weights, albedo, sums, radiance, threads):
     """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15), and the radiance of who sees them.
 
     column (C,) tile columns p·16 + s that hold a changed cluster; start (C + 1,) where each one's clusters
-    begin in index (cluster within the tile) and weights (n, 3) float64, scale included.
+    begin in index (cluster within the tile) and weights (n, 3) float64, scale included. albedo, sums and
+    radiance (G, 96): three channels of 32 receivers, in storage order.
     """
     groups = present.shape[1]
     for t in prange(threads):
         begin, end = groups * t // threads, groups * (t + 1) // threads
         _local_groups(
-            addresses,
-            first,
-            present,
-            column,
-            start,
-            index,
-            weights,
-            order,
-            albedo,
-            sums,
-            radiance,
-            begin,
-            end,
+            addresses, first, present, column, start, index, weights, albedo, sums, radiance, begin, end
         )
+
+
+@njit(cache=True)
+def _order_group(order, grouped, g, out):
+    for i in range(min(GROUP, len(order) - g * GROUP)):
+        r = order[g * GROUP + i]
+        for c in range(3):
+            out[r, c] = grouped[g, c * GROUP + i]
 
 
 @njit(
-    [
-        types.void(
-            _read_only(types.int32, 1),
-            _read_only(types.float32, 2),
-            types.float64[:, ::1],
-            types.float32[:, ::1],
-        )
-    ],
+    [types.void(_read_only(types.int32, 1), types.float32[:, ::1], types.float32[:, ::1])],
     parallel=True,
     cache=True,
 )
-def write_radiance(order, albedo, sums, radiance):
-    """radiance[receiver] = albedo · sum, from storage order to the scene's."""
-    for g in prange(len(sums)):
-        _write_group(g, order, albedo, sums, radiance)
+def in_receiver_order(order, grouped, out):
+    """From groups (G, 96) in storage order to (R, 3) in the scene's."""
+    for g in prange(len(grouped)):
+        _order_group(order, grouped, g, out)
 
 
 @njit(cache=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 from collections.abc import Iterator
@@ -14,9 +15,10 @@ import numpy as np
 
 from ..arrays import Triangles
 from ..camera import Camera
-from ..errors import DamagedBakeError
+from ..errors import DamagedBakeError, InputError
+from ..files import read_regular
 from ..receivers import Receivers
-from .chunks import check_hash, open_chunk
+from .chunks import check_hash, chunk_key, open_chunk
 from .manifest import NAME, LayerRecord, Manifest
 
 _SECONDS = "user.prelight.seconds"
@@ -43,9 +45,8 @@ class Bake:
         """Positions, normals and albedo, ``(R, 3)`` float32 each."""
         receivers = Receivers(*(self.array(f"scene/{name}") for name in ("positions", "normals", "albedo")))
         for name in ("positions", "normals", "albedo"):
-            values = getattr(receivers, name)
-            if values.shape != (len(receivers), 3) or not np.isfinite(values).all():
-                raise DamagedBakeError(self.path, f"scene/{name} is not {len(receivers)} finite triples")
+            if not np.isfinite(getattr(receivers, name)).all():
+                raise DamagedBakeError(self.path, f"scene/{name} has values that are not finite")
         return receivers
 
     @cached_property
@@ -58,9 +59,10 @@ class Bake:
 
     @cached_property
     def cameras(self) -> dict[str, Camera]:
-        return {
-            name: Camera.from_dict(values, self.path) for name, values in self.manifest.scene.cameras.items()
-        }
+        try:
+            return {name: Camera.from_dict(values) for name, values in self.manifest.scene.cameras.items()}
+        except InputError as error:
+            raise DamagedBakeError(self.path, f"a camera in it is wrong: {error.reason}") from None
 
     @property
     def layers(self) -> dict[str, LayerRecord]:
@@ -71,12 +73,13 @@ class Bake:
         spec = self.manifest.arrays.get(name)
         if spec is None:
             raise DamagedBakeError(self.path, f"array {name} is not in the manifest")
-        chunks = dict(self._chunks(name))
-        if len(chunks) == 1:
-            whole = next(iter(chunks.values()))
+        if math.prod(spec.grid()) == 1:
+            _, whole = next(self._chunks(name))
         else:
+            for _ in self._chunks(name):  # every chunk is there and whole, before memory is asked for
+                pass
             whole = np.empty([n * c for n, c in zip(spec.grid(), spec.chunk_shape, strict=True)], spec.dtype)
-            for index, chunk in chunks.items():
+            for index, chunk in self._chunks(name):
                 whole[
                     tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, spec.chunk_shape, strict=True))
                 ] = chunk
@@ -87,7 +90,7 @@ class Bake:
     def _chunks(self, name: str) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
         spec = self.manifest.arrays[name]
         for index in spec.chunk_indices():
-            key = f"{name}/c/" + "/".join(map(str, index))
+            key = chunk_key(name, index)
             yield index, open_chunk(self.path, key, spec, self.manifest.chunks[key])
 
     def verify(self) -> Iterator[tuple[str, int]]:
@@ -95,18 +98,22 @@ class Bake:
         for key, record in self.manifest.chunks.items():
             check_hash(self.path, key, record.size, record.sha256)
             yield key, record.size
-        for name, spec in self.manifest.arrays.items():
-            path = self.path / name / "zarr.json"
-            if not path.is_file() or path.read_bytes() != spec.zarr_metadata():
-                raise DamagedBakeError(self.path, f"{name}/zarr.json is missing or altered")
+        for name, expected in self.manifest.metadata().items():
+            try:
+                whole = read_regular(self.path / name, limit=len(expected)) == expected
+            except InputError:
+                whole = False
+            if not whole:
+                raise DamagedBakeError(self.path, f"{name} is missing or altered; bake again or restore it")
 
     @property
     def seconds(self) -> float | None:
         """What the bake took where it was made, if the file system kept the note (see ``note_seconds``)."""
         try:
-            return struct.unpack("<d", os.getxattr(self.path / NAME, _SECONDS))[0]
+            seconds = struct.unpack("<d", os.getxattr(self.path / NAME, _SECONDS))[0]
         except (OSError, AttributeError, struct.error):
             return None
+        return seconds if 0 <= seconds < math.inf else None
 
     def note_seconds(self, seconds: float) -> None:
         """Keep the wall time as an extended attribute: beside the bytes, not among them, so that

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import itertools
 import json
@@ -9,6 +10,7 @@ import math
 import mmap
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,10 +18,12 @@ import google_crc32c
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..errors import DamagedBakeError
+from ..errors import DamagedBakeError, OutputError
 
 DTYPES = {"uint8": "|u1", "uint16": "<u2", "int32": "<i4", "int64": "<i8", "float32": "<f4"}
 CHECKSUM_BYTES = 4
+# A map keeps a second handle of its file where Python cannot be told not to: a bake may have thousands.
+_WITHOUT_HANDLE = {"trackfd": False} if sys.version_info >= (3, 13) else {}
 
 
 class ChunkRecord(BaseModel):
@@ -104,19 +108,25 @@ def _crc32c(data: memoryview) -> int:
 def check_hash(root: Path, key: str, size: int, sha256: str) -> None:
     """Raises DamagedBakeError unless the file has this size and sha256."""
     if hashlib.sha256(_map_regular(root, key, size)).hexdigest() != sha256:
-        raise DamagedBakeError(root, f"{key} was altered (sha256 differs); bake again or restore it")
+        raise DamagedBakeError(root, f"chunk {key} was altered (sha256 differs); bake again or restore it")
 
 
 def _map_regular(root: Path, key: str, size: int) -> memoryview:
     try:
         handle = os.open(root / key, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            status = os.fstat(handle)
+            if not stat.S_ISREG(status.st_mode):
+                raise DamagedBakeError(root, f"chunk {key} is not a regular file; bake again or restore it")
+            if status.st_size != size:
+                expected = f"chunk {key} has {status.st_size} bytes, expected {size}"
+                raise DamagedBakeError(root, f"{expected}; bake again or restore it")
+            return memoryview(mmap.mmap(handle, size, prot=mmap.PROT_READ, **_WITHOUT_HANDLE))
+        finally:
+            os.close(handle)
     except OSError as error:
-        what = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            raise OutputError(root, "more chunks than files may be open; raise the limit: ulimit -n 65536") from None
+        what = {errno.ENOENT: "is missing", errno.ELOOP: "is a link, not a file"}.get(error.errno or 0)
+        what = what or f"cannot be read: {error.strerror}"
         raise DamagedBakeError(root, f"chunk {key} {what}; bake again or restore it") from None
-    try:
-        status = os.fstat(handle)
-        if not stat.S_ISREG(status.st_mode) or status.st_size != size:
-            raise DamagedBakeError(root, f"chunk {key} has {status.st_size} bytes, expected {size}")
-        return memoryview(mmap.mmap(handle, size, prot=mmap.PROT_READ))
-    finally:
-        os.close(handle)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from pathlib import Path
+import os
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -21,12 +22,19 @@ from .chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key
 FORMAT = "prelight-bake"
 VERSION = 1
 NAME = "manifest.json"
-_LARGEST_MANIFEST = 256_000_000
+_LARGEST_MANIFEST = 16_000_000  # about five million clusters
+_LARGEST_PROSE = 1_000_000
 _LARGEST_ARRAY = 1 << 40
+_BYTES_PER_VALUE = 16  # of a manifest of ours there are 25 to each value: denser text only fills memory
+_SCENE = {"positions": "float32", "normals": "float32", "albedo": "float32", "triangles": "int32"}
+_ZARR_GROUP = b'{"attributes": {}, "node_type": "group", "zarr_format": 3}'
+_NUMBERS = {  # what a layer of a kind says of itself, whatever else it says
+    "environment": ("resolution", "tolerance", "epsilon", "samples_per_side", "nonzero_share"),
+}
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class SceneRecord(_Strict):
@@ -38,9 +46,9 @@ class SceneRecord(_Strict):
 
 class LayerRecord(_Strict):
     kind: str
-    basis_lights: int = Field(gt=0)
-    coefficients: int = Field(gt=0)
-    rays: int = Field(ge=0)
+    basis_lights: int = Field(gt=0, le=_LARGEST_ARRAY)
+    coefficients: int = Field(gt=0, le=_LARGEST_ARRAY)
+    rays: int = Field(ge=0, lt=2**63)
     parameters: dict[str, int | float | str | None]
     statistics: dict[str, int | float]
 
@@ -59,6 +67,12 @@ class Manifest(_Strict):
         """Bytes on disk of the chunks whose key begins with ``prefix``, checksums included."""
         return sum(record.size for key, record in self.chunks.items() if key.startswith(prefix))
 
+    def metadata(self) -> dict[str, bytes]:
+        """The ``zarr.json`` of every array and of the groups they are in, by its name inside the bake."""
+        groups = {parent for name in self.arrays for parent in PurePosixPath(name).parents}
+        files = {str(group / "zarr.json"): _ZARR_GROUP for group in sorted(groups)}
+        return files | {f"{name}/zarr.json": spec.zarr_metadata() for name, spec in self.arrays.items()}
+
     def to_bytes(self) -> bytes:
         """Canonical JSON; its last member is the sha256 of the rest."""
         body = self.model_dump()
@@ -70,50 +84,72 @@ class Manifest(_Strict):
     def open(cls, root: Path) -> Manifest:
         """Read and distrust: raises InputError for what is no bake, DamagedBakeError for a broken one."""
         path = root / NAME
-        if not root.is_dir():
+        if not os.path.isdir(root):
             raise InputError(root, "no such bake; expected a folder NAME.prelight")
-        if not path.is_file():
+        if not os.path.isfile(path):
             raise DamagedBakeError(root, "has no manifest.json: not a bake, or one that was never finished")
         try:
-            data = json.loads(read_regular(path, limit=_LARGEST_MANIFEST))
-            if not isinstance(data, dict):
-                raise ValueError("not an object")
+            data = _read_json(path)
             if data.get("format") != FORMAT or data.get("version") != VERSION:
                 found = f"{data.get('format')!r} version {data.get('version')!r}"
                 raise DamagedBakeError(root, f"is {found}, this Prelight reads {FORMAT!r} version {VERSION}")
             digest = data.pop("sha256", None)
             if digest != _digest(data):
                 raise DamagedBakeError(root, "manifest.json was altered (its own sha256 differs)")
+            _parse_records(data, set(cls.model_fields))
             manifest = cls.model_validate(data)
         except ValidationError as error:
-            first = error.errors()[0]
+            first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             where = "/".join(str(x) for x in first["loc"])
             raise DamagedBakeError(root, f"manifest.json: {first['msg']} at /{where}") from None
         except (InputError, ValueError, RecursionError) as error:
             if isinstance(error, DamagedBakeError):
                 raise
-            raise DamagedBakeError(root, f"manifest.json is not readable: {error}") from None
+            reason = error.reason if isinstance(error, InputError) else str(error)
+            raise DamagedBakeError(root, f"manifest.json is not readable: {reason}") from None
         manifest.check(root)
         return manifest
 
     def check(self, root: Path) -> None:
         """Shapes, types and chunk names agree; nothing is allocated. Raises DamagedBakeError."""
-        expected = set()
         for name, spec in self.arrays.items():
-            problem = _array_problem(name, spec)
-            if problem:
+            if problem := _array_problem(name, spec):
                 raise DamagedBakeError(root, f"array {name!r}: {problem}")
-            keys = [chunk_key(name, index) for index in spec.chunk_indices()]
-            for key in keys:
+        # Before any key is built: a shape can claim more chunks than there is memory for their names.
+        surplus = len(self.chunks) - sum(math.prod(spec.grid()) for spec in self.arrays.values())
+        for name, spec in self.arrays.items() if surplus >= 0 else ():
+            for index in spec.chunk_indices():
+                key = chunk_key(name, index)
                 if key not in self.chunks:
                     raise DamagedBakeError(root, f"chunk {key} is not in the manifest")
                 if self.chunks[key].size != spec.chunk_bytes():
-                    raise DamagedBakeError(
-                        root, f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape"
-                    )
-            expected.update(keys)
-        if len(expected) != len(self.chunks):
-            raise DamagedBakeError(root, "the manifest names chunks that no array has")
+                    claimed = f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape"
+                    raise DamagedBakeError(root, claimed)
+        if surplus:
+            less = "names chunks that no array has" if surplus > 0 else "does not name all chunks of its arrays"
+            raise DamagedBakeError(root, f"the manifest {less}")
+        if problem := self._scene_problem() or self._layer_problem():
+            raise DamagedBakeError(root, problem)
+
+    def _scene_problem(self) -> str | None:
+        receivers = 0
+        for name, dtype in _SCENE.items():
+            spec = self.arrays.get(f"scene/{name}")
+            if spec is None or spec.dtype != dtype or len(spec.shape) != 2 or spec.shape[1] != 3:
+                return f"array scene/{name} is not triples of {dtype}"
+            receivers = receivers or spec.shape[0]
+            if name != "triangles" and spec.shape[0] != receivers:
+                return f"array scene/{name} has {spec.shape[0]} rows, expected {receivers}"
+        return None
+
+    def _layer_problem(self) -> str | None:
+        for name, layer in self.layers.items():
+            said = layer.parameters | layer.statistics
+            for number in _NUMBERS.get(layer.kind, ()):
+                value = said.get(number)
+                if not isinstance(value, int | float) or not 0 <= value <= _LARGEST_ARRAY:
+                    return f"layer {name!r} does not say its {number}"
+        return None
 
 
 def _array_problem(name: str, spec: ArraySpec) -> str | None:
@@ -128,6 +164,39 @@ def _array_problem(name: str, spec: ArraySpec) -> str | None:
     if math.prod(spec.grid()) > 1_000_000:
         return "it has more than a million chunks"
     return None
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    """Raises InputError or ValueError."""
+    text = read_regular(path, limit=_LARGEST_MANIFEST)
+    values = text.count(b",") + text.count(b"[") + text.count(b"{")
+    if values * _BYTES_PER_VALUE > max(len(text), 1_000_000):
+        raise ValueError("it is not one of ours")
+    data = json.loads(text, parse_constant=_refuse_constant)
+    if not isinstance(data, dict):
+        raise ValueError("not an object")
+    return data
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def _parse_records(data: dict[str, Any], fields: set[str]) -> None:
+    """One at a time, so that the first wrong one is the last looked at: a million errors are no help."""
+    if data.keys() != fields:
+        raise ValueError(f"its fields are {sorted(data)}, expected {sorted(fields)}")
+    if len(json.dumps({name: data[name] for name in fields - {"arrays", "chunks"}})) > _LARGEST_PROSE:
+        raise ValueError(f"it says more than {_LARGEST_PROSE / 1e6:.0f} MB besides its arrays and chunks")
+    for field, record in (("arrays", ArraySpec), ("chunks", ChunkRecord)):
+        values = data.get(field)
+        if not isinstance(values, dict):
+            raise ValueError(f"{field} is not an object")
+        for name, value in values.items():
+            try:
+                values[name] = record.model_validate(value)
+            except ValidationError as error:
+                raise ValueError(f"{error.errors(include_input=False)[0]['msg']} at /{field}/{name}") from None
 
 
 def _digest(body: dict) -> str:
