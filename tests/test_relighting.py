@@ -12,6 +12,7 @@ from prelight.errors import InputError
 from prelight.lighting.environment import Environment
 from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
 from prelight.relighting.relighter import Relighter
+from prelight.relighting.tile_kernels import relight_local, relight_local_alone
 from prelight.storage.bake import Bake
 
 from .scenes import ball_on_floor
@@ -74,6 +75,19 @@ def test_edits_agree_with_a_fresh_relight(bake, layer, rng):
     expected = plainly(bake, layer, cube)
     np.testing.assert_allclose(live.radiance, expected, atol=2e-6 * expected.max())
     assert live.edit(0, slice(0, 1), slice(0, 1), live.cube[0, :1, :1]).kind == "none"
+
+
+def test_one_thread_or_all_give_the_same_bits(bake, layer, rng):
+    changes = [(int(rng.integers(6)), *(int(x) for x in rng.integers(0, R - 4, 2))) for _ in range(20)]
+    start, radiances = hdr(rng), []
+    for slow, fast in ((relight_local, relight_local_alone), (relight_local_alone, relight_local)):
+        live = relighter(bake, layer)
+        live.set_cube(start)
+        live._pace._seconds = {slow: 1e9, fast: 1e-9}
+        for face, i, j in changes:
+            assert live.edit(face, slice(i, i + 4), slice(j, j + 4), [i, j, face]).kind == "local"
+        radiances.append(live.radiance)
+    np.testing.assert_array_equal(*radiances)
 
 
 def test_a_local_edit_reads_only_what_it_changes(bake, layer, rng):

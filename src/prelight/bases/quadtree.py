@@ -90,6 +90,28 @@ class LeafCover:
     def is_complete(self) -> bool:
         return len(self.leaves) > 0 and int(self._ends[-1]) == len(FACES) * self.resolution**2
 
+    @property
+    def is_whole_tree(self) -> bool:
+        """Whether these are the leaves of six quadtrees in Z-order, none missing: what every walk down relies on."""
+        nodes, matched = roots(self.resolution), 0
+        first = np.arange(len(FACES), dtype=np.int64) * self.resolution**2
+        while len(nodes):
+            index = np.searchsorted(self._ends, first, side="right")
+            if (index == len(self.leaves)).any():
+                return False
+            there = self.leaves[index]
+            is_leaf = (there == nodes).all(axis=1)
+            begins_here = self._ends[index] - texel_counts(there) == first
+            if not (begins_here & (is_leaf | (texel_counts(there) < texel_counts(nodes)))).all():
+                return False
+            matched += int(is_leaf.sum())
+            inner, first = nodes[~is_leaf], first[~is_leaf]
+            nodes, parent = split(inner)
+            before = np.cumsum(texel_counts(nodes)) - texel_counts(nodes)
+            opening = np.searchsorted(parent, np.arange(len(inner)))
+            first = first[parent] + before - before[opening][parent] if len(nodes) else first[:0]
+        return matched == len(self.leaves)
+
     def uncovered(self) -> tuple[Nodes, Nodes]:
         """The nodes still to be examined, in Z-order, and their parents (a face is its own parent).
 

@@ -32,6 +32,7 @@ __all__ = ["MAGIC", "decode_exr", "encode_exr"]
 
 _CHILD = str(Path(exr_child.__file__))
 _MEMORY = 4 << 30  # address space of the child beyond what the pixels need
+_SECONDS, _BYTES_PER_SECOND = 10.0, 2_500_000  # how long the child may take, and for each decoded byte
 _THREADS_FROM = 4 << 20  # pixels from which more than one thread is worth its start
 _DAMAGED = "damaged or truncated OpenEXR file"
 
@@ -69,8 +70,10 @@ def _crop(path: object, part: Part) -> list[int]:
 def _scratch(path: object, content: bytes = b"") -> IO[bytes]:
     """A nameless file, in memory where the system can, at its beginning. Raises OutputError if there is no room."""
     try:
-        in_memory = hasattr(os, "memfd_create")
-        file = os.fdopen(os.memfd_create("prelight"), "w+b") if in_memory else tempfile.TemporaryFile()
+        if hasattr(os, "memfd_create"):
+            file = os.fdopen(os.memfd_create("prelight"), "w+b")
+        else:
+            file = tempfile.TemporaryFile()  # noqa: SIM115
         file.write(content)
         file.seek(0)
     except OSError as error:
@@ -141,9 +144,11 @@ def decode_exr(path: object, data: bytes) -> tuple[Picture, chromaticities.Matri
             "max_side": MAX_SIDE,
             "threads": min(4, os.cpu_count() or 1) if part.pixels >= _THREADS_FROM else 0,
             "memory": _MEMORY + 2 * decoded,
-            "seconds": 3 + decoded // 5_000_000,
+            "seconds": 3 + decoded // (2 * _BYTES_PER_SECOND),
         }
-        _run_child(path, job, (source.fileno(), target.fileno()), deadline=10 + decoded / 2_500_000)
+        _run_child(
+            path, job, (source.fileno(), target.fileno()), deadline=_SECONDS + decoded / _BYTES_PER_SECOND
+        )
         size = crop[2] * crop[3] * 12
         if os.fstat(target.fileno()).st_size != size:
             raise InputError(path, _DAMAGED)

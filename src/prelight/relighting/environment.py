@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
@@ -14,10 +15,20 @@ from ..bases.quadtree import LeafCover
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES, first_tiles, groups_of
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
-from .tile_kernels import EVERY, cluster_light, in_receiver_order, relight_full, relight_local
+from .tile_kernels import (
+    EVERY,
+    cluster_light,
+    relight_full,
+    relight_local,
+    relight_local_alone,
+    write_radiance,
+)
 
 _LOCAL_SHARE = 0.2  # of the clusters: beyond it a full relight is faster
+_TRY_THE_OTHER = 128  # local updates
+_SMALL = 100_000  # bytes: below, what an update costs does not depend on them
 _REFRESH_AFTER = 4096  # local updates
+_LARGEST_SCALE = np.float32(1 / 255)  # an element is at most 1/π, of a byte's 255 parts
 _REFRESH_BELOW = 1e-3  # of the brightest light since the last full relight
 
 
@@ -40,39 +51,43 @@ class EnvironmentLayer:
             raise InputError(
                 bake.path, f"has no environment layer; its layers are {', '.join(bake.layers) or 'none'}"
             )
-        at = f"layers/{name}"
+        receivers, clusters = bake.manifest.arrays["scene/positions"].shape[0], record.coefficients
+        panels, at = -(-clusters // PANEL), f"layers/{name}"
         self.resolution = _whole_number(bake, record.parameters.get("resolution"))
-        self.rectangles: Int32[np.ndarray, "clusters 5"] = bake.array(f"{at}/rectangles")
-        self.scales: Float32[np.ndarray, "clusters"] = bake.array(f"{at}/scales")
-        self.order: Int32[np.ndarray, "receivers"] = bake.array(f"{at}/order")
-        self.present = np.ascontiguousarray(bake.array(f"{at}/present"))
+        self.rectangles: Int32[np.ndarray, "clusters 5"] = _array(
+            bake, f"{at}/rectangles", "int32", [clusters, 5]
+        )
+        self.scales: Float32[np.ndarray, "clusters"] = _array(bake, f"{at}/scales", "float32", [clusters])
+        self.order: Int32[np.ndarray, "receivers"] = _array(bake, f"{at}/order", "int32", [receivers])
+        present = _array(bake, f"{at}/present", "uint16", [panels, groups_of(receivers)])
+        self.present = np.ascontiguousarray(present)
         self.first = first_tiles(self.present).astype(np.int32)
-        self.tiles = [bake.array(f"{at}/tiles/{p:05d}") for p in range(len(self.present))]
+        counts = np.maximum(np.bitwise_count(self.present).sum(axis=1, dtype=np.int64), 1)
+        self.tiles = [
+            _array(bake, f"{at}/tiles/{p:05d}", "uint8", [int(count), TILE, GROUP])
+            for p, count in enumerate(counts)
+        ]
         self.addresses = np.array([tiles.ctypes.data for tiles in self.tiles], np.int64)
         bits = self.present[:, :, None] >> np.arange(TILES, dtype=np.uint16) & 1
         self.groups_of_column = bits.sum(axis=1, dtype=np.int64).ravel()  # that have a tile there
         self.tree = LeafCover(self.rectangles, self.resolution)
-        self._check(bake)
+        self._check(bake, record.basis_lights)
 
-    def _check(self, bake: Bake) -> None:
-        """A kernel follows these numbers to memory: none may point outside."""
-        receivers, clusters = len(bake.receivers), len(self.rectangles)
-        sound = (
-            len(self.scales) == clusters
-            and len(self.present) == -(-clusters // PANEL)
-            and self.present.shape[1] == groups_of(receivers)
-            and self.order.shape == (receivers,)
-            and np.array_equal(np.sort(self.order), np.arange(receivers))
-            and np.isfinite(self.scales).all()
-            and self._leaves_are_inside()
-            and self.tree.is_complete
-            and all(
-                tiles.shape[1:] == (TILE, GROUP) and len(tiles) >= int(np.bitwise_count(bits).sum())
-                for tiles, bits in zip(self.tiles, self.present, strict=True)
+    def _check(self, bake: Bake, basis_lights: int) -> None:
+        """A kernel follows these numbers to memory: none may point outside. Raises DamagedBakeError."""
+        if not np.array_equal(np.sort(self.order), np.arange(len(self.order))):
+            raise DamagedBakeError(bake.path, "the order of receivers in its environment layer is not one")
+        if not ((self.scales >= 0) & (self.scales <= _LARGEST_SCALE)).all():
+            raise DamagedBakeError(
+                bake.path, "a scale in its environment layer is not a number from 0 to 1/255"
             )
-        )
-        if not sound:
-            raise DamagedBakeError(bake.path, "the arrays of its environment layer contradict each other")
+        if (
+            basis_lights != 6 * self.resolution**2
+            or not self._leaves_are_inside()
+            or not self.tree.is_whole_tree
+        ):
+            what = f"the rectangles of its environment layer are no quadtree of 6·{self.resolution}² texels"
+            raise DamagedBakeError(bake.path, what)
 
     def _leaves_are_inside(self) -> bool:
         face, row, column, height, width = self.rectangles.T.astype(np.int64)
@@ -89,20 +104,20 @@ class EnvironmentLayer:
 
 
 class EnvironmentRelighter:
-    """A layer, the light that falls on it now, and the radiance that follows."""
+    """A layer, the light that falls on it now, and the irradiance / π that follows (``_sums``, storage order)."""
 
     def __init__(self, layer: EnvironmentLayer, albedo: Float32[np.ndarray, "receivers 3"]) -> None:
         self.layer = layer
-        self._albedo = _grouped(albedo, layer.order)
+        self._albedo = np.ascontiguousarray(albedo)
         R, clusters = layer.resolution, len(layer.rectangles)
         self._cube = np.zeros((6, R, R, 3), np.float32)
         self._light: Float64[np.ndarray, "clusters 3"] = np.zeros((clusters, 3))
         self._sums = np.zeros((layer.present.shape[1], 3 * GROUP))
-        self._radiance = np.zeros_like(self._albedo)  # in groups, storage order
         self._threads = numba.get_num_threads()
         self._scratch = np.zeros((self._threads, 3 * GROUP), np.float32)
         self._brightest = 0.0
         self._since_full = 0
+        self._pace = _Pace()
         self.last = Update("none", 0.0, 0, 0)
 
     @property
@@ -115,8 +130,8 @@ class EnvironmentRelighter:
     @property
     def radiance(self) -> Radiance:
         """(R, 3), in receiver order; a copy."""
-        radiance = np.empty((len(self.layer.order), 3), np.float32)
-        in_receiver_order(self.layer.order, self._radiance, radiance)
+        radiance = np.empty_like(self._albedo)
+        write_radiance(self.layer.order, self._albedo, self._sums, radiance)
         return radiance
 
     def set_cube(self, cube: CubeMap) -> Update:
@@ -198,9 +213,7 @@ class EnvironmentRelighter:
             weights,
             EVERY.copy(),
             self._scratch,
-            self._albedo,
             self._sums,
-            self._radiance,
         )
         self._since_full, self._brightest = 0, float(self._light.sum())
         self.last = Update("full", (time.perf_counter() - started) * 1e3, layer.bytes, changed)
@@ -208,10 +221,13 @@ class EnvironmentRelighter:
 
     def _local(self, started: float, clusters: np.ndarray, change: np.ndarray) -> None:
         layer = self.layer
+        began = time.perf_counter()
         tile, within = np.divmod(clusters, TILE)
         start = np.flatnonzero(np.diff(tile, prepend=-1))
         column, start = tile[start], np.append(start, len(clusters))
-        relight_local(
+        read = int((layer.groups_of_column[column] * np.diff(start)).sum()) * GROUP
+        kernel = self._pace.choose()
+        kernel(
             layer.addresses,
             layer.first,
             layer.present,
@@ -219,24 +235,30 @@ class EnvironmentRelighter:
             start,
             within.astype(np.int32),
             change * layer.scales[clusters, None],
-            self._albedo,
             self._sums,
-            self._radiance,
             self._threads,
         )
+        self._pace.note(kernel, (time.perf_counter() - began) / max(read, _SMALL))
         self._since_full += 1
-        read = int((layer.groups_of_column[column] * np.diff(start)).sum()) * GROUP
         self.last = Update("local", (time.perf_counter() - started) * 1e3, read, len(clusters))
 
 
-def _grouped(values: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """(R, 3) in receiver order as groups (G, 96), filled up with zeros."""
-    groups = groups_of(len(order))
-    stored = np.zeros((groups * GROUP, 3), np.float32)
-    stored[: len(order)] = values[order]
-    return np.ascontiguousarray(stored.reshape(groups, GROUP, 3).transpose(0, 2, 1)).reshape(
-        groups, 3 * GROUP
-    )
+class _Pace:
+    """Which local kernel is faster here and now: both do the same, one with all threads, one with its own."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[Callable, float] = {relight_local: 0.0, relight_local_alone: 0.0}
+        self._count = 0
+
+    def choose(self) -> Callable:
+        """The faster one of late; now and then the other, in case that has changed."""
+        self._count += 1
+        faster, slower = sorted(self._seconds, key=self._seconds.__getitem__)
+        return slower if self._count % _TRY_THE_OTHER == 0 else faster
+
+    def note(self, kernel: Callable, seconds_per_byte: float) -> None:
+        before = self._seconds[kernel]
+        self._seconds[kernel] = 0.5 * (before + seconds_per_byte) if before else seconds_per_byte
 
 
 def _radiances(values: np.ndarray) -> np.ndarray:
@@ -244,6 +266,15 @@ def _radiances(values: np.ndarray) -> np.ndarray:
     if not np.isfinite(values).all() or (values < 0).any():
         raise InputError("radiance", "has values that are negative or not finite; expected numbers from 0 up")
     return values
+
+
+def _array(bake: Bake, name: str, dtype: str, shape: list[int]) -> np.ndarray:
+    """Raises DamagedBakeError, before anything is read, for an array of another type or shape."""
+    spec = bake.manifest.arrays.get(name)
+    if spec is None or spec.dtype != dtype or spec.shape != shape:
+        found = "is missing" if spec is None else f"is {spec.dtype} {spec.shape}"
+        raise DamagedBakeError(bake.path, f"array {name} {found}, expected {dtype} {shape}")
+    return bake.array(name)
 
 
 def _whole_number(bake: Bake, value: object) -> int:

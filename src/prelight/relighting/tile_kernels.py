@@ -12,12 +12,13 @@ from llvmlite import ir
 from numba import njit, prange, types
 
 from ..encoding.sparse_tiles import GROUP, TILE, TILES
-from .vector_code import tile_product
+from .vector_code import prefetch_tile, tile_product
 
 _product32 = tile_product(ir.FloatType())
 _product64 = tile_product(ir.DoubleType())
 
 _TILE_BYTES = TILE * GROUP
+_AHEAD = 12  # groups whose tiles are on their way while one is multiplied
 
 
 def _read_only(kind: types.Type, dimensions: int) -> types.Array:
@@ -31,12 +32,6 @@ def _count_bits(bits):
         bits &= bits - 1
         count += 1
     return count
-
-
-@njit(cache=True)
-def _write_group(albedo, sums, radiance):
-    for i in range(3 * GROUP):
-        radiance[i] = np.float32(max(sums[i], 0.0)) * albedo[i]
 
 
 @njit(cache=True)
@@ -79,104 +74,112 @@ def _full_groups(addresses, first, present, lit, weights, every, scratch, sums, 
             types.float32[:, ::1],
             types.int32[::1],
             types.float32[:, ::1],
-            types.float32[:, ::1],
             types.float64[:, ::1],
-            types.float32[:, ::1],
         )
     ],
     parallel=True,
     cache=True,
 )
-def relight_full(addresses, first, present, lit, weights, every, scratch, albedo, sums, radiance):
-    """sums = Σ_k weights_k T_k  (Eq. 8), and the radiance that follows.
+def relight_full(addresses, first, present, lit, weights, every, scratch, sums):
+    """sums = Σ_k weights_k T_k  (Eq. 8).
 
     addresses (P,) of the panels' tiles; first, present (P, G); lit (P,) bits of the tiles that have a
     weight; weights (P·256, 3), scale included; every = 0 … 15; scratch (threads, 96);
-    albedo, sums and radiance (G, 96): three channels of 32 receivers, in storage order.
+    sums (G, 96): three channels of 32 receivers, in storage order.
     """
     threads, groups = len(scratch), present.shape[1]
     for t in prange(threads):
         begin, end = groups * t // threads, groups * (t + 1) // threads
         _full_groups(addresses, first, present, lit, weights, every, scratch[t], sums, begin, end)
-        for g in range(begin, end):
-            _write_group(albedo[g], sums[g], radiance[g])
 
 
 @njit(cache=True)
-def _local_groups(
-    addresses, first, present, column, start, index, weights, albedo, sums, radiance, begin, end
-):
+def _tile_address(addresses, first, present, column, g):
+    """Where a group's tile of a tile column is, 0 if it is all zero."""
+    p, s = column // TILES, column % TILES
+    bits = present[p, g]
+    if not (bits >> s) & 1:
+        return 0
+    return addresses[p] + (first[p, g] + _count_bits(bits & ((1 << s) - 1))) * _TILE_BYTES
+
+
+@njit(cache=True)
+def _local_groups(addresses, first, present, column, start, index, weights, sums, begin, end):
     for g in range(begin, end):
-        touched = False
         for c in range(len(column)):
-            p, s = column[c] // TILES, column[c] % TILES
-            bits = present[p, g]
-            if (bits >> s) & 1:
-                t = first[p, g] + _count_bits(bits & ((1 << s) - 1))
+            if g + _AHEAD < end:
+                soon = _tile_address(addresses, first, present, column[c], g + _AHEAD)
+                if soon:
+                    prefetch_tile(soon)
+            tile = _tile_address(addresses, first, present, column[c], g)
+            if tile:
                 a = start[c]
                 _product64(
-                    addresses[p] + t * _TILE_BYTES,
+                    tile,
                     index.ctypes.data + a * 4,
                     weights.ctypes.data + a * 24,
                     start[c + 1] - a,
                     sums.ctypes.data + g * (3 * GROUP * 8),
                 )
-                touched = True
-        if touched:
-            _write_group(albedo[g], sums[g], radiance[g])
+
+
+_local_signature = types.void(
+    _read_only(types.int64, 1),
+    _read_only(types.int32, 2),
+    _read_only(types.uint16, 2),
+    types.int64[::1],
+    types.int64[::1],
+    types.int32[::1],
+    types.float64[:, ::1],
+    types.float64[:, ::1],
+    types.int64,
+)
+
+
+@njit([_local_signature], parallel=True, cache=True)
+def relight_local(addresses, first, present, column, start, index, weights, sums, threads):
+    """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15).
+
+    column (C,) tile columns p·16 + s that hold a changed cluster; start (C + 1,) where each one's clusters
+    begin in index (cluster within the tile) and weights (n, 3) float64, scale included.
+    """
+    groups = present.shape[1]
+    for t in prange(threads):
+        begin, end = groups * t // threads, groups * (t + 1) // threads
+        _local_groups(addresses, first, present, column, start, index, weights, sums, begin, end)
+
+
+@njit([_local_signature], cache=True)
+def relight_local_alone(addresses, first, present, column, start, index, weights, sums, threads):
+    """The same, to the last bit, in the calling thread: where others keep the processors busy, waiting for a
+    second thread costs a time slice (8 ms seen) and the work itself a fraction of a millisecond."""
+    _local_groups(addresses, first, present, column, start, index, weights, sums, 0, present.shape[1])
+
+
+@njit(cache=True)
+def _write_group(g, order, albedo, sums, radiance):
+    for i in range(min(GROUP, len(order) - g * GROUP)):
+        r = order[g * GROUP + i]
+        for c in range(3):
+            radiance[r, c] = np.float32(max(sums[g, c * GROUP + i], 0.0)) * albedo[r, c]
 
 
 @njit(
     [
         types.void(
-            _read_only(types.int64, 1),
-            _read_only(types.int32, 2),
-            _read_only(types.uint16, 2),
-            types.int64[::1],
-            types.int64[::1],
-            types.int32[::1],
+            _read_only(types.int32, 1),
+            _read_only(types.float32, 2),
             types.float64[:, ::1],
             types.float32[:, ::1],
-            types.float64[:, ::1],
-            types.float32[:, ::1],
-            types.int64,
         )
     ],
     parallel=True,
     cache=True,
 )
-def relight_local(addresses, first, present, column, start, index, weights, albedo, sums, radiance, threads):
-    """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15), and the radiance of who sees them.
-
-    column (C,) tile columns p·16 + s that hold a changed cluster; start (C + 1,) where each one's clusters
-    begin in index (cluster within the tile) and weights (n, 3) float64, scale included. albedo, sums and
-    radiance (G, 96): three channels of 32 receivers, in storage order.
-    """
-    groups = present.shape[1]
-    for t in prange(threads):
-        begin, end = groups * t // threads, groups * (t + 1) // threads
-        _local_groups(
-            addresses, first, present, column, start, index, weights, albedo, sums, radiance, begin, end
-        )
-
-
-@njit(cache=True)
-def _order_group(order, grouped, g, out):
-    for i in range(min(GROUP, len(order) - g * GROUP)):
-        r = order[g * GROUP + i]
-        for c in range(3):
-            out[r, c] = grouped[g, c * GROUP + i]
-
-
-@njit(
-    [types.void(_read_only(types.int32, 1), types.float32[:, ::1], types.float32[:, ::1])],
-    parallel=True,
-    cache=True,
-)
-def in_receiver_order(order, grouped, out):
-    """From groups (G, 96) in storage order to (R, 3) in the scene's."""
-    for g in prange(len(grouped)):
-        _order_group(order, grouped, g, out)
+def write_radiance(order, albedo, sums, radiance):
+    """radiance[receiver] = albedo · sum, (R, 3), from storage order to the scene's."""
+    for g in prange(len(sums)):
+        _write_group(g, order, albedo, sums, radiance)
 
 
 @njit(cache=True)

@@ -1,0 +1,265 @@
+"""Bakes made without a renderer in a few milliseconds, and disks that die, fill up or lie under them."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+import stat
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prelight.baking import environment as baking
+from prelight.baking.clustering import Clusters, cluster_lights
+from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
+from prelight.scene.geometry import Scene
+from prelight.storage import journal
+from prelight.storage.bake import Bake
+from prelight.storage.manifest import NAME
+
+from .scenes import ball_on_floor
+
+BALL, RADIUS = np.array([0.0, 0.6, 0.0], np.float32), np.float32(0.4)
+
+
+class BallVisibility:
+    """What `prelight.transport.visibility.Visibility` says of a ball over a floor, by arithmetic."""
+
+    def __init__(self, positions, triangles, *, origins, normals) -> None:
+        self.receivers = len(origins)
+        self._normals = normals
+        self._outward = origins - BALL
+        self._is_floor = np.linalg.norm(self._outward, axis=1) > RADIUS * 1.01
+
+    def trace(self, directions, *, lanes: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        facing = directions @ self._normals.T > 0
+        along = directions @ self._outward.T
+        closest = (self._outward**2).sum(axis=1) - along**2
+        hit = (along < 0) & (closest < RADIUS**2) & self._is_floor
+        bits = np.packbits(facing & ~hit, axis=1, bitorder="little")
+        return bits, facing.sum(axis=1).astype(np.int32)
+
+
+class _Replayed:
+    """The clusters of a walk, kept: what matters here is what becomes of them on disk."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple, list] = {}
+
+    def __call__(self, visibility, normals, test, *, covered, **options):
+        key = (visibility.receivers, test)
+        if key not in self._kept:
+            self._kept[key] = list(cluster_lights(visibility, normals, test, covered=covered[:0], **options))
+        skip = len(covered)
+        for group, progress in self._kept[key]:
+            drop = min(skip, len(group.leaves))
+            skip -= drop
+            parts = (getattr(group, name)[drop:] for name in ("leaves", "columns", "scale", "rays"))
+            yield Clusters(*parts), progress
+
+
+_replayed = _Replayed()
+_software = cache(baking._software)
+
+
+def quick_plan(*, tolerance: float = 0.004, block: int = 32) -> tuple[Scene, EnvironmentPlan]:
+    """A small scene, and a plan of it without the estimate."""
+    scene = ball_on_floor(side=6, rings=5)
+    settings = EnvironmentSettings(resolution=8, tolerance=tolerance)
+    figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
+    return scene, EnvironmentPlan(
+        settings=settings,
+        receivers=len(scene.positions),
+        triangles=len(scene.triangles),
+        tolerance=tolerance,
+        lanes=1 << 20,
+        block=block,
+        **figures,
+    )
+
+
+def quick_bake(target: Path, *, replay: bool = True, block: int = 32, tolerance: float = 0.004, **options) -> Bake:
+    """A bake of two panels (384 clusters) of a small scene; options as for `bake_planned`.
+
+    With ``replay`` the clusters are found once in a process and written again each time.
+    """
+    scene, plan = quick_plan(tolerance=tolerance, block=block)
+    stand_ins = {"Visibility": BallVisibility, "_software": _software}
+    if replay:
+        stand_ins["cluster_lights"] = _replayed
+    with pytest.MonkeyPatch.context() as patch:
+        for name, stand_in in stand_ins.items():
+            patch.setattr(baking, name, stand_in)
+        return baking.bake_planned(scene, target, plan=plan, **options)
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """sha256 of every file in a folder, by name; folders and links by what they are."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if path.is_symlink():
+            found[name] = f"link to {os.readlink(path)}"
+        else:
+            found[name] = "folder" if path.is_dir() else hashlib.sha256(path.read_bytes()).hexdigest()
+    return found
+
+
+def rewrite_manifest(folder: Path, change: Callable[[dict], object]) -> None:
+    """Change the manifest and give it the right sha256 again, as an attacker would."""
+    manifest = json.loads((folder / NAME).read_bytes())
+    del manifest["sha256"]
+    change(manifest)
+    canonical = json.dumps(manifest, sort_keys=True, separators=(",", ":")).encode()
+    manifest["sha256"] = hashlib.sha256(canonical).hexdigest()
+    (folder / NAME).write_text(json.dumps(manifest, sort_keys=True, indent=1))
+
+
+class Killed(BaseException):
+    """The process is no more: nothing it would still do to the disk happens."""
+
+
+class Disk:
+    """Counts what is done to files inside ``folder`` and stops, or fails, at the ``at``-th.
+
+    With ``error`` (an errno) that call fails, and later ones work. Without it the process dies there, a
+    write half done; with ``power_cut`` all that was not synced is lost as well. Nothing is really synced.
+    """
+
+    CALLS = ("open", "write", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "close")
+
+    def __init__(self, folder: Path, *, at: int = 0, error: int | None = None, power_cut: bool = False) -> None:
+        self.folder, self.at, self.error, self.power_cut = str(folder), at, error, power_cut
+        self.calls: list[str] = []
+        self.dead = False
+        self._handles: dict[int, str] = {}
+        self._begun: set[int] = set()
+        self._dirty: set[str] = set()
+        self._real: dict[str, Callable] = {}
+
+    @property
+    def struck(self) -> bool:
+        return 0 < self.at <= len(self.calls)
+
+    def __enter__(self) -> Disk:
+        self._real = {name: getattr(os, name) for name in self.CALLS}
+        for name in self.CALLS:
+            setattr(os, name, getattr(self, f"_{name}"))
+        self._swap = journal.swap_folders
+        journal.swap_folders = self._swap_folders
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for name, call in self._real.items():
+            setattr(os, name, call)
+        journal.swap_folders = self._swap
+        for handle in list(self._handles):
+            os.close(handle)
+        if self.power_cut:
+            for path in self._dirty:
+                if os.path.isfile(path):
+                    os.truncate(path, 0)
+
+    def _ours(self, path: object, dir_fd: int | None) -> str | None:
+        if isinstance(path, int):
+            return self._handles.get(path)
+        text = os.fsdecode(path)
+        if dir_fd is not None:
+            return os.path.join(self._handles[dir_fd], text) if dir_fd in self._handles else None
+        return text if text.startswith(self.folder) else None
+
+    def _step(self, call: str, half: Callable[[], object] | None = None) -> None:
+        if self.dead:
+            raise Killed
+        self.calls.append(call)
+        if len(self.calls) == self.at:
+            if half:
+                half()
+            if self.error is not None:
+                raise OSError(self.error, os.strerror(self.error))
+            self.dead = True
+            raise Killed
+
+    def _open(self, path, flags, mode=0o777, *, dir_fd=None):
+        ours = self._ours(path, dir_fd)
+        if ours and flags & (os.O_CREAT | os.O_WRONLY | os.O_RDWR):
+            self._step(f"open {ours}")
+        handle = self._real["open"](path, flags, mode, dir_fd=dir_fd)
+        writes = flags & (os.O_CREAT | os.O_WRONLY | os.O_RDWR)
+        if ours and (writes or stat.S_ISDIR(os.fstat(handle).st_mode)):
+            self._handles[handle] = ours
+            if flags & os.O_CREAT:
+                self._dirty.add(ours)
+        return handle
+
+    def _close(self, handle):
+        self._handles.pop(handle, None)
+        self._begun.discard(handle)
+        self._real["close"](handle)
+
+    def _write(self, handle, data):
+        if handle in self._handles:
+            self._step(f"write {self._handles[handle]}", lambda: self._real["write"](handle, data[: len(data) // 2]))
+            self._dirty.add(self._handles[handle])
+            if handle not in self._begun:
+                self._begun.add(handle)
+                data = data[: max(1, 2 * len(data) // 3)]  # a system may take less than it is given
+        return self._real["write"](handle, data)
+
+    def _fsync(self, handle):
+        if handle not in self._handles:
+            return self._real["fsync"](handle)
+        self._step(f"fsync {self._handles[handle]}")
+        self._dirty.discard(self._handles[handle])
+
+    def _moved(self, call, source, target):
+        ours = self._ours(source, None)
+        if ours:
+            self._step(f"{call} {target}")
+        self._real[call](source, target)
+        if ours:
+            a, b = os.fsdecode(source), os.fsdecode(target)
+            moved = {p for p in self._dirty if p == a or p.startswith(a + "/")}
+            self._dirty -= moved | {b}
+            self._dirty |= {b + p[len(a) :] for p in moved}
+
+    def _replace(self, source, target, **_):
+        self._moved("replace", source, target)
+
+    def _rename(self, source, target, **_):
+        self._moved("rename", source, target)
+
+    def _named(self, call, path, *arguments, dir_fd=None):
+        ours = self._ours(path, dir_fd)
+        if ours:
+            self._step(f"{call} {ours}")
+            self._dirty.discard(ours)
+        self._real[call](path, *arguments, dir_fd=dir_fd)
+
+    def _mkdir(self, path, mode=0o777, *, dir_fd=None):
+        self._named("mkdir", path, mode, dir_fd=dir_fd)
+
+    def _unlink(self, path, *, dir_fd=None):
+        self._named("unlink", path, dir_fd=dir_fd)
+
+    def _rmdir(self, path, *, dir_fd=None):
+        self._named("rmdir", path, dir_fd=dir_fd)
+
+    def _swap_folders(self, new, old):
+        self._step(f"swap {old}")
+        self._swap(new, old)
+
+
+def copy(folder: Path, to: Path) -> Path:
+    """A second copy of a bake, at ``to``."""
+    shutil.rmtree(to, ignore_errors=True)
+    return Path(shutil.copytree(folder, to, symlinks=True))
+
+
+ERRORS = (errno.ENOSPC, errno.EIO, errno.EINTR, errno.EACCES, errno.EDQUOT)

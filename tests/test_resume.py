@@ -1,0 +1,515 @@
+"""A bake that is killed, starved or interrupted goes on to the same bytes, and is never seen half-made."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numba
+import pytest
+
+from prelight.errors import InputError, InterruptedBakeError, OutputError
+from prelight.scene.geometry import Scene
+from prelight.storage.bake import Bake
+from prelight.storage.journal import BakeWriter, partial_folder
+
+from .disk import ERRORS, Disk, Killed, copy, quick_bake, tree
+from .scenes import ball_on_floor
+
+KILLS = int(os.environ.get("PRELIGHT_KILLS", "12"))  # of a real process; 200 before a release
+ROOT = Path(__file__).resolve().parents[1]
+PANELS = 2
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Kernels this small only wait for each other; and the bytes may not depend on it."""
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> dict[str, str]:
+    """The tree of a bake that nothing disturbed."""
+    target = tmp_path_factory.mktemp("whole") / "ball.prelight"
+    quick_bake(target)
+    return tree(target)
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory) -> Path:
+    """A bake of other settings, to be replaced."""
+    return quick_bake(tmp_path_factory.mktemp("other") / "ball.prelight", tolerance=0.02).path
+
+
+def is_one_line(error: Exception) -> bool:
+    return str(error).isprintable() and len(str(error)) <= 300
+
+
+def tiles_written(calls: list[str]) -> int:
+    return sum(call.startswith("replace") and "/tiles/" in call and "/c/" in call for call in calls)
+
+
+def panels_kept(calls: list[str]) -> int:
+    """Lines that were on disk before the last call, which did not happen."""
+    return sum(call.startswith("fsync") and call.endswith("journal.jsonl") for call in calls[:-1])
+
+
+@pytest.mark.parametrize("power_cut", [False, True], ids=["killed", "power cut"])
+def test_killed_at_every_step(tmp_path, whole, power_cut):
+    """P1: whatever the process was doing, no half bake, the same bytes, and one panel of work lost at most."""
+    target = tmp_path / "ball.prelight"
+    for step in range(1, 2000):
+        with Disk(tmp_path, at=step, power_cut=power_cut) as disk, contextlib.suppress(Killed):
+            quick_bake(target)
+        if not disk.dead:
+            break
+        where = f"step {step}: {disk.calls[-1]}"
+        if target.exists():
+            assert tree(target) == whole, where
+        else:
+            with Disk(tmp_path) as again:
+                quick_bake(target, resume=True)
+            assert tree(target) == whole, where
+            assert tiles_written(again.calls) <= PANELS - panels_kept(disk.calls), where
+        assert not partial_folder(target).exists(), where
+        shutil.rmtree(target)
+    assert step > 200, "the disk was hardly touched: is it still written through os?"
+    assert tree(target) == whole
+
+
+def test_everything_that_is_published_was_synced(tmp_path, whole):
+    with Disk(tmp_path, power_cut=True):
+        quick_bake(tmp_path / "ball.prelight")
+    assert tree(tmp_path / "ball.prelight") == whole
+
+
+def test_every_call_fails_once(tmp_path, whole):
+    """P3: a refusal of the disk is one line and exit code 3, and what was done is not lost."""
+    target = tmp_path / "ball.prelight"
+    refused = 0
+    for step in range(1, 2000):
+        with Disk(tmp_path, at=step, error=ERRORS[step % len(ERRORS)]) as disk:
+            try:
+                quick_bake(target)
+            except OutputError as error:
+                assert error.exit_code == 3
+                assert is_one_line(error)
+                refused += 1
+        if not disk.struck:
+            break
+        where = f"step {step}: {disk.calls[step - 1]}"
+        leftover = [p.name for p in tmp_path.rglob("*.tmp")]
+        assert not leftover or disk.calls[step - 1].startswith("unlink"), where
+        if not target.exists():
+            quick_bake(target, resume=True)
+        assert tree(target) == whole, where
+        shutil.rmtree(target)
+        shutil.rmtree(partial_folder(target), ignore_errors=True)
+    assert refused > 200
+
+
+@pytest.mark.parametrize("exchange", [True, False], ids=["exchanged", "renamed"])
+def test_force_replaces_only_at_the_end(tmp_path, whole, other, exchange, monkeypatch):
+    """Killed at any step, the old bake or the new one is whole; in its place, where the system can exchange."""
+    if not exchange:
+        monkeypatch.setattr("prelight.files.ctypes.CDLL", lambda *_, **__: object())
+    target, old = tmp_path / "ball.prelight", tree(other)
+    copy(other, target)
+    with Disk(tmp_path) as disk:
+        quick_bake(target, force=True)
+    swap = next(i for i, call in enumerate(disk.calls, 1) if call.startswith("swap"))
+    for step in [*range(1, swap, 23), *range(swap - 4, len(disk.calls) + 1)]:
+        copy(other, target)
+        with Disk(tmp_path, at=step) as disk, contextlib.suppress(Killed):
+            quick_bake(target, force=True)
+        where = f"step {step}: {disk.calls[-1]}"
+        aside = list(tmp_path.glob(".*.replaced"))
+        seen = tree(target) if target.exists() else None
+        if step <= swap:
+            assert seen == old, where
+        elif exchange:
+            assert seen == whole, where
+        else:
+            assert seen == whole or (seen is None and [tree(path) for path in aside] == [old]), where
+        quick_bake(target, force=True, resume=True)
+        assert tree(target) == whole, where
+        for path in (target, partial_folder(target), *aside):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def test_a_failed_exchange_puts_the_old_bake_back(tmp_path, other, monkeypatch):
+    monkeypatch.setattr("prelight.files.ctypes.CDLL", lambda *_, **__: object())
+    target = copy(other, tmp_path / "ball.prelight")
+    with Disk(tmp_path) as disk:
+        quick_bake(target, force=True)
+    copy(other, target)
+    swap = next(i for i, call in enumerate(disk.calls, 1) if call.startswith("swap"))
+    with Disk(tmp_path, at=swap + 2, error=ERRORS[0]), pytest.raises(OutputError):
+        quick_bake(target, force=True)
+    assert tree(target) == tree(other)
+
+
+def test_torn_and_damaged_work_is_made_again(tmp_path, whole):
+    """A journal that ends in the middle of a line, and a chunk that is not what its line says."""
+    target = tmp_path / "ball.prelight"
+    partial = partial_folder(target)
+    with Disk(tmp_path) as disk:
+        quick_bake(target)
+    last = max(i for i, call in enumerate(disk.calls, 1) if call.endswith("journal.jsonl") and call[:5] == "fsync")
+    shutil.rmtree(target)
+    for damage in ("torn", "flipped", "chunk", "gone", "short", "garbage", "nothing"):
+        with Disk(tmp_path, at=last + 1), contextlib.suppress(Killed):
+            quick_bake(target)
+        journal, chunk = partial / "journal.jsonl", partial / "layers/environment/scales/c/0"
+        lines = journal.read_bytes()
+        if damage == "torn":
+            journal.write_bytes(lines[:-20])
+        elif damage == "flipped":
+            journal.write_bytes(lines.replace(b'"rays": ', b'"rays": 1', 1))
+        elif damage == "chunk":
+            chunk.write_bytes(bytes([chunk.read_bytes()[0] ^ 1]) + chunk.read_bytes()[1:])
+        elif damage == "gone":
+            chunk.unlink()
+        elif damage == "short":
+            chunk.write_bytes(chunk.read_bytes()[:-1])
+        elif damage == "garbage":
+            journal.write_bytes(lines + b"\xff\x00" * 50)
+        else:
+            journal.unlink()
+        (partial / "layers" / "stray").mkdir()
+        (partial / "stray.bin").write_bytes(b"x")
+        (partial / "scene").mkdir(exist_ok=True)
+        (partial / "scene" / "stray").symlink_to(tmp_path)
+        quick_bake(target, resume=True)
+        assert tree(target) == whole, damage
+        shutil.rmtree(target)
+
+
+@pytest.mark.parametrize("block", [1, 7, 4096])
+def test_the_bytes_do_not_depend_on_how_the_walk_was_cut(tmp_path, whole, block):
+    """P2: blocks of any size, and a walk taken up again behind a panel with blocks of another."""
+    target = tmp_path / "ball.prelight"
+    quick_bake(target, replay=False, block=block)
+    assert tree(target) == whole
+    shutil.rmtree(target)
+    with Disk(tmp_path) as disk:
+        quick_bake(target)
+    first = next(i for i, call in enumerate(disk.calls, 1) if call[:5] == "fsync" and call.endswith("journal.jsonl"))
+    shutil.rmtree(target)
+    with Disk(tmp_path, at=first + 3), contextlib.suppress(Killed):
+        quick_bake(target, replay=False, block=block)
+    with Disk(tmp_path) as disk:
+        quick_bake(target, replay=False, block=33, resume=True)
+    assert tree(target) == whole
+    assert tiles_written(disk.calls) == 1
+
+
+def test_other_settings_are_refused(tmp_path, whole):
+    target = tmp_path / "ball.prelight"
+    with Disk(tmp_path) as disk:
+        quick_bake(target)
+    shutil.rmtree(target)
+    for step in (len(disk.calls) // 2, len(disk.calls) - 2):  # among the chunks, and with the manifest in place
+        with Disk(tmp_path, at=step), contextlib.suppress(Killed):
+            quick_bake(target)
+        before = tree(partial_folder(target))
+        with pytest.raises(InputError, match=r"begun with tolerance = 0\.004, now 0\.02.*--force") as caught:
+            quick_bake(target, resume=True, tolerance=0.02)
+        assert caught.value.exit_code == 2
+        assert is_one_line(caught.value)
+        after = tree(partial_folder(target))
+        assert after == before
+        with pytest.raises(OutputError, match="--resume"):
+            quick_bake(target)
+        assert tree(partial_folder(target)) == before
+        quick_bake(target, tolerance=0.02, resume=True, force=True)
+        assert Bake.open(target).layers["environment"].parameters["tolerance"] == 0.02
+        shutil.rmtree(target)
+
+
+def test_existing_output_is_untouched(tmp_path, other):
+    target = copy(other, tmp_path / "ball.prelight")
+    before, times = tree(target), {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
+    for options in ({}, {"resume": True}):
+        with pytest.raises(OutputError, match="already exists.*--force"):
+            quick_bake(target, **options)
+    assert tree(target) == before
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == times
+
+
+def test_force_replaces_bakes_only(tmp_path, other):
+    """A slip of the hand must not cost a folder of photographs."""
+    home = tmp_path / "home"
+    home.mkdir()
+    (home / "photo.jpg").write_bytes(b"dear")
+    (home / "manifest.json").write_bytes(b"{}")
+    (tmp_path / "file.prelight").write_bytes(b"dear")
+    (tmp_path / "link.prelight").symlink_to(copy(other, tmp_path / "linked"))
+    before = tree(tmp_path)
+    for name in ("home", "file.prelight", "link.prelight", "home/..", "."):
+        with pytest.raises(OutputError, match="bake") as caught:
+            quick_bake(tmp_path / name, force=True)
+        assert is_one_line(caught.value)
+    (tmp_path / "new.prelight.partial").symlink_to(home)
+    for options in ({}, {"force": True}, {"resume": True}):
+        with pytest.raises(OutputError, match="in the way"):
+            quick_bake(tmp_path / "new.prelight", **options)
+    (tmp_path / "new.prelight.partial").unlink()
+    with pytest.raises(OutputError, match="folder"):
+        quick_bake(tmp_path / "nowhere" / "ball.prelight")
+    with pytest.raises(OutputError):
+        quick_bake(tmp_path / ("n" * 300 + ".prelight"))
+    with pytest.raises(OutputError):
+        quick_bake(tmp_path / "nul\0.prelight")
+    assert tree(tmp_path) == before
+    (tmp_path / "empty.prelight").mkdir()
+    assert quick_bake(tmp_path / "empty.prelight", force=True).layers
+
+
+def test_output_that_appears_meanwhile_is_not_replaced(tmp_path, whole, other, monkeypatch):
+    target = tmp_path / "ball.prelight"
+    publish = BakeWriter.publish
+
+    def late(writer, manifest):
+        copy(other, target)
+        publish(writer, manifest)
+
+    monkeypatch.setattr(BakeWriter, "publish", late)
+    with pytest.raises(OutputError, match="already exists"):
+        quick_bake(target)
+    assert tree(target) == tree(other)
+    monkeypatch.undo()
+    quick_bake(target, resume=True, force=True)
+    assert tree(target) == whole
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from prelight.storage.journal import BakeWriter
+BakeWriter(Path(sys.argv[1]), settings={}, resume=True, force=False)
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+def test_two_writers_are_refused(tmp_path, whole):
+    """P8: in one process or two; a dead one's lock counts no longer."""
+    target = tmp_path / "ball.prelight"
+    mine = BakeWriter(target, settings={}, resume=False, force=False)
+    for options in ({"resume": True}, {"force": True}, {}):
+        with pytest.raises(OutputError, match="another process"):
+            quick_bake(target, **options)
+    mine.close()
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(target)], stdout=subprocess.PIPE) as holder:
+        assert holder.stdout.readline() == b"held\n"
+        before = tree(tmp_path)
+        for options in ({"resume": True}, {"force": True}, {}):
+            with pytest.raises(OutputError, match="another process"):
+                quick_bake(target, **options)
+        assert tree(tmp_path) == before
+        holder.kill()
+    quick_bake(target, force=True)
+    assert tree(target) == whole
+    assert [p.name for p in tmp_path.iterdir()] == ["ball.prelight"]
+
+
+def test_a_refused_bake_keeps_no_lock(tmp_path):
+    target = tmp_path / "ball.prelight"
+    BakeWriter(target, settings={"a": 1}, resume=False, force=False).close()
+    for _ in range(2):
+        with pytest.raises(InputError, match="begun with a = 1"):
+            BakeWriter(target, settings={"a": 2}, resume=True, force=False)
+    BakeWriter(target, settings={"a": 1}, resume=True, force=False).close()
+
+
+def test_ctrl_c_anywhere_can_be_resumed(tmp_path, whole, monkeypatch):
+    target = tmp_path / "ball.prelight"
+    append = BakeWriter.append
+
+    def interrupted(writer, entry):
+        append(writer, entry)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(BakeWriter, "append", interrupted)
+    with pytest.raises(InterruptedBakeError, match="--resume") as caught:
+        quick_bake(target)
+    assert caught.value.exit_code == 130
+    monkeypatch.undo()
+    assert not target.exists()
+    quick_bake(target, resume=True)
+    assert tree(target) == whole
+
+
+def test_a_file_too_large_for_the_system(tmp_path, whole):
+    """A limit on file size stands for a disk that is full in the middle of a chunk."""
+    target = tmp_path / "ball.prelight"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))
+    try:
+        with pytest.raises(OutputError, match="too large") as caught:
+            quick_bake(target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert is_one_line(caught.value)
+    assert not target.exists()
+    quick_bake(target, resume=True)
+    assert tree(target) == whole
+
+
+def test_a_disk_that_is_really_full(tmp_path, whole):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = shutil.which("mount")
+    made = mount and subprocess.run([mount, "-t", "tmpfs", "-o", "size=64k", "none", disk], capture_output=True)
+    if not made or made.returncode:
+        pytest.skip("a small disk cannot be mounted here")
+    try:
+        target = disk / "ball.prelight"
+        with pytest.raises(OutputError, match="the disk is full; free some space and run again"):
+            quick_bake(target)
+        assert not target.exists()
+        subprocess.run([mount, "-o", "remount,size=4m", disk], check=True)
+        quick_bake(target, resume=True)
+        assert tree(target) == whole
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
+BAKERY = """
+import os, signal, sys, traceback
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import mitsuba
+from prelight.baking.environment import bake_planned
+from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
+from tests.scenes import ball_on_floor
+
+scene = ball_on_floor()
+figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
+plan = EnvironmentPlan(
+    settings=EnvironmentSettings(resolution=24), receivers=len(scene.positions), triangles=len(scene.triangles),
+    tolerance=0.0135, lanes=1 << 18, block=48, **figures,
+)
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+for line in sys.stdin:
+    request, target = line.split(maxsplit=1)
+    if os.fork() == 0:
+        def say(what):
+            print(request, os.getpid(), what, flush=True)
+        try:
+            bake_planned(scene, target.strip(), plan=plan, resume=True, report=lambda *_: say("working"))
+            say("done")
+        except BaseException:
+            traceback.print_exc()
+            say("failed")
+        os._exit(0)
+"""
+
+
+class Bakery:
+    """A process that has everything loaded and forks a baker for each request, with the real renderer."""
+
+    def __enter__(self) -> Bakery:
+        command = [sys.executable, "-c", BAKERY, str(ROOT)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self._requests = 0
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def _heard(self) -> tuple[int, str]:
+        """What the baker of the last request says next; earlier ones are dead."""
+        while True:
+            request, pid, what = self._process.stdout.readline().split()
+            if int(request) == self._requests:
+                return int(pid), what
+
+    def bake(self, target: Path, *, until: float | None = None) -> bool:
+        """Bake, or kill the baker so many seconds after its first report; whether the bake is finished."""
+        self._requests += 1
+        self._process.stdin.write(f"{self._requests} {target}\n")
+        self._process.stdin.flush()
+        pid, what = self._heard()
+        if until is not None and what == "working":
+            time.sleep(until)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+                while True:
+                    os.kill(pid, 0)  # until it is gone, and its lock with it
+            return target.exists()
+        while what == "working":
+            _, what = self._heard()
+        assert what == "done"
+        return True
+
+
+def test_kill_9_of_the_real_thing(tmp_path):
+    """P1: a process with its renderer's threads, killed at random times."""
+    random_times = random.Random(9)
+    with Bakery() as bakery:
+        bakery.bake(tmp_path / "whole.prelight")
+        started = time.perf_counter()
+        bakery.bake(tmp_path / "again.prelight")
+        lasts = time.perf_counter() - started
+        expected = tree(tmp_path / "whole.prelight")
+        assert tree(tmp_path / "again.prelight") == expected
+        kills = bakes = 0
+        while kills < KILLS:
+            target = tmp_path / f"ball{bakes}.prelight"
+            while not bakery.bake(target, until=random_times.uniform(0, lasts) if kills < KILLS else None):
+                kills += 1
+            assert tree(target) == expected
+            bakes += 1
+
+
+def write_ply(path: Path, scene: Scene) -> Path:
+    head = ["ply", "format ascii 1.0", f"element vertex {len(scene.positions)}"]
+    head += [f"property float {axis}" for axis in "xyz"]
+    head += [f"element face {len(scene.triangles)}", "property list uchar int vertex_indices", "end_header"]
+    rows = [" ".join(map(str, p)) for p in scene.positions.tolist()]
+    rows += ["3 " + " ".join(map(str, t)) for t in scene.triangles.tolist()]
+    path.write_text("\n".join(head + rows) + "\n")
+    return path
+
+
+def test_ctrl_c_and_sigterm_of_the_command(tmp_path):
+    """P10: stops within five seconds, says how to go on, exit codes 130 and 143."""
+    mesh, target = write_ply(tmp_path / "ball.ply", ball_on_floor()), tmp_path / "ball.prelight"
+    command = [sys.executable, "-c", "from prelight.cli.main import main; main()", "bake", "environment"]
+    command += [str(mesh), "-o", str(target), "--resolution", "512", "--tolerance", "0.002"]
+    journal, done = partial_folder(target) / "journal.jsonl", 0
+    for stop, code, more in ((signal.SIGINT, 130, []), (signal.SIGTERM, 143, ["--resume"])):
+        with subprocess.Popen([*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as baker:
+            deadline = time.monotonic() + 60
+            while not journal.exists() or journal.read_bytes().count(b"\n") <= done + 1:
+                assert baker.poll() is None, baker.stderr.read()
+                assert time.monotonic() < deadline
+                time.sleep(0.02)
+            baker.send_signal(stop)
+            sent = time.monotonic()
+            _, complaint = baker.communicate()
+        assert time.monotonic() - sent < 5
+        assert baker.returncode == code
+        assert complaint.startswith("prelight: ")
+        assert complaint.count("\n") == 1
+        assert "--resume" in complaint
+        assert not target.exists()
+        kept = journal.read_bytes().count(b"\n") - 1
+        assert kept > done, "the work of the second run was lost"
+        done = kept
+    assert not list(tmp_path.glob(".*.lock"))
