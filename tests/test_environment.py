@@ -10,7 +10,7 @@ import pytest
 
 from prelight.bases import cube_map
 from prelight.errors import PrelightError
-from prelight.lighting import resampling
+from prelight.lighting import resampling, scattering
 from prelight.lighting.environment import Environment
 from prelight.lighting.layouts import PICTURE_LAYOUTS
 
@@ -173,6 +173,38 @@ def test_scattering_loses_nothing_by_itself(layout: str, width: int, rng: np.ran
             environment.pixels, resolution, layout=layout, degrees=degrees, total=total
         )
         np.testing.assert_allclose(found, total, rtol=3e-4)
+
+
+@pytest.mark.parametrize("shape", [(1, 2, 3), (2, 4, 3), (1, 1, 3), (3, 3, 3), (6, 1, 1, 3), (6, 2, 2, 3)])
+def test_maps_of_few_pixels_lose_nothing_either(shape: tuple[int, ...], rng: np.random.Generator) -> None:
+    layout = "cube" if len(shape) == 4 else "angular" if shape[0] == shape[1] else "latlong"
+    environment = Environment(rng.lognormal(0.0, 2.0, shape).astype(np.float32), layout)
+    for resolution in (1, 2, 7, 40):
+        _, found = resampling._scattered(
+            environment.pixels, resolution, layout=layout, degrees=20.0, total=environment.total
+        )
+        np.testing.assert_allclose(found, environment.total, rtol=1e-3)
+
+
+@pytest.mark.parametrize("layout", ["latlong", "angular", "cube"])
+@pytest.mark.parametrize("resolution", [16, 64])
+def test_sub_samples_cover_every_texel_evenly(layout: str, resolution: int) -> None:
+    pixels = np.ones(SHAPES[layout], np.float32)
+    pixels.setflags(write=False)
+    turned_axes, highest = resampling._face_axes(30.0), (1.0, 1.0, 1.0)
+    covered = np.zeros((6, resolution, resolution, 7))
+    for face, (axes, sums) in enumerate(zip(resampling._face_axes(0.0), covered, strict=True)):
+        slab = scattering.Slab(face, 0, resolution, *axes, sums)
+        if layout == "latlong":
+            scattering.scatter_latlong(slab, pixels, np.radians(30.0), highest)
+        elif layout == "angular":
+            scattering.scatter_angular(slab, pixels, np.radians(30.0), highest)
+        else:
+            for source, frame in zip(pixels, turned_axes, strict=True):
+                scattering.scatter_face(slab, source, frame, highest)
+    even = covered[..., 6] / areas(resolution) - 1.0
+    assert np.sqrt(np.mean(even**2)) < 0.015
+    assert np.abs(even).max() < 0.12
 
 
 @pytest.mark.parametrize("layout", SHAPES)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..images.metrics import relative_rms
+
 
 def _normal_quantile(p: float) -> float:
     """z with Φ(z) = p, by bisection on the error function."""
@@ -39,11 +41,10 @@ def agreement(
     """Compare arrays of one shape; ``tolerance`` is absolute, for lossy values."""
     difference = values - reference
     allowed = tolerance + sidak_z(values.size) * np.sqrt(variance)
-    scale = float(np.sqrt((reference**2).mean()))
     spread = math.sqrt(float(variance.sum()))
     return Agreement(
         passing_share=float((np.abs(difference) <= allowed + 1e-12).mean()),
         pooled_z=float(difference.sum()) / spread if spread else math.copysign(math.inf, difference.sum()),
-        relative_rms=float(np.sqrt((difference**2).mean())) / scale,
-        noise=math.sqrt(float(variance.mean())) / scale,
+        relative_rms=relative_rms(values, reference),
+        noise=math.sqrt(float(variance.mean() / (reference**2).mean())),
     )

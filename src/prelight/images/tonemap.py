@@ -18,7 +18,7 @@ from ..errors import InputError
 
 CURVES = ("filmic", "linear")
 MIDDLE_GREY = 0.18
-_BRIGHTER = 0.75  # stops above the meter's reading: the shoulder is soft, and models are mostly pale
+_BRIGHTER = 1.3  # stops above the meter's reading: the shoulder is soft, and models are mostly pale
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear Rec.709
 _STEPS = 65_536  # of the table from linear display values to bytes: a twentieth of a byte in the blacks
 
@@ -64,7 +64,7 @@ def exposure_for(picture: Picture, mask: np.ndarray | None = None) -> float:
 
     A light meter that looks at typical pixels: the mean of log₂ luminance over the middle half of them
     (25th to 75th percentile, so that neither a sun nor a deep shadow counts) is brought to middle grey,
-    0.18, then raised by three quarters of a stop.
+    0.18, then raised by 1.3 stops.
 
     Parameters
     ----------
