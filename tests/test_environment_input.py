@@ -149,7 +149,7 @@ def test_environments_do_not_change() -> None:
     assert (light.scale, light.rotation_deg, light.tint) == (1.0, 0.0, (1.0, 1.0, 1.0))
     assert (brighter.scale, brighter.rotation_deg, brighter.tint) == (3.0, 10.0, (1.0, 0.5, 0.0))
     assert brighter.pixels is light.pixels
-    other = dataclasses.replace(light, pixels=grey(4, 4), layout="angular")  # not the map found out about before
+    other = dataclasses.replace(light, pixels=grey(4, 4), layout="angular")  # nothing is known of this map
     np.testing.assert_allclose(other.scaled(2.0).cube(4), 1.0, rtol=1e-6)
     brighter.cube(4)[:] = 9.0  # a cube is the caller's own
     np.testing.assert_allclose(light.cube(4), 0.5, rtol=1e-6)

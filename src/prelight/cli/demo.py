@@ -49,7 +49,7 @@ def demo(
         relit = light.last.milliseconds
         picture = light.picture(width=1280, height=720)
         path = output / f"{name}.png"
-        picture.save(path, force=True)
+        picture.save(path, force=True, exposure=0.0)  # the stock skies are painted for it
         lit.append(
             {
                 "sky": name,

@@ -41,7 +41,7 @@ class Picture:
             except (TypeError, ValueError):
                 stops = np.nan
             if not np.isfinite(stops):
-                raise InputError("exposure", f'{exposure!r}, expected "auto" or a number of stops such as -1.5')
+                raise InputError("exposure", f'{exposure!r}, expected "auto" or stops such as -1.5')
             return stops
         from ..images.tonemap import exposure_for
 
@@ -63,7 +63,9 @@ class Picture:
         from ..images.tonemap import tonemap
 
         stops = self.stops(exposure)
-        return tonemap(self._with_tamed_edges(2.0**stops), exposure=stops, curve=curve)
+        return tonemap(
+            self._with_tamed_edges(2.0 ** min(max(stops, -120.0), 120.0)), exposure=stops, curve=curve
+        )
 
     def _with_tamed_edges(self, gain: float) -> Pixels:
         if self.coverage is None or self.background is None:

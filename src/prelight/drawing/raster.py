@@ -163,9 +163,7 @@ def visible_triangles(q, triangles, bounds, starts, order, first_row, offsets, n
                 t = order[n]
                 if _edges(q, triangles[t], planes):
                     box = bounds[t, 0], bounds[t, 1], max(bounds[t, 2], top), min(bounds[t, 3], bottom)
-                    _draw_triangle(
-                        t, triangles, planes, box, top, offsets, shift, 1.0 / near, depths, here
-                    )
+                    _draw_triangle(t, triangles, planes, box, top, offsets, shift, 1.0 / near, depths, here)
 
 
 @njit(cache=True, parallel=True)

@@ -74,7 +74,7 @@ class View:
         return self._frame.picture(self._strips, radiance, background)
 
 
-def draw(
+def draw(  # noqa: PLR0913 - a picture in one call needs all of them
     positions: Positions,
     triangles: Triangles,
     radiance: Radiance,
@@ -107,8 +107,8 @@ class _Frame:
         self.axes = camera.axes().astype(np.float64)
         self.focal = self.height / (2 * np.tan(np.radians(camera.vertical_fov_deg) / 2))  # pixels
         x, y, back = self.axes @ (positions.astype(np.float64) - camera.eye).T
-        centre = (self.width / 2, self.height / 2)
-        self.q = np.stack([self.focal * x - centre[0] * back, -self.focal * y - centre[1] * back, -back], axis=1)
+        x, y = self.focal * x - self.width / 2 * back, -self.focal * y - self.height / 2 * back
+        self.q = np.stack([x, y, -back], axis=1)
 
     def strips(self) -> Iterator[_Strip]:
         """The picture from top to bottom, a few rows at a time."""
@@ -120,9 +120,8 @@ class _Frame:
         for first in range(0, self.height, step):
             rows = min(step, self.height - first)
             winners = np.empty((rows, self.width, len(self.offsets)), np.int32)
-            raster.visible_triangles(
-                self.q, self.triangles, bounds, starts, order, first, self.offsets, near, get_num_threads(), winners
-            )
+            scene = self.q, self.triangles, bounds, starts, order
+            raster.visible_triangles(*scene, first, self.offsets, near, get_num_threads(), winners)
             yield self._weighed(winners, first)
 
     def _weighed(self, winners: Int32[np.ndarray, "rows column samples"], first: int) -> _Strip:

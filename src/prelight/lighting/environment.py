@@ -161,7 +161,9 @@ class Environment:
             put("_map", known)
             put("pixels", pixels)
         if known.brightest * max(1.0, self.scale * max(self.tint)) > _LARGEST:
-            raise InputError(self.name, f"radiance above {_LARGEST:.0e}; lower the scale, the tint or the map")
+            raise InputError(
+                self.name, f"radiance above {_LARGEST:.0e}; lower the scale, the tint or the map"
+            )
 
     # ---- Where environments come from --------------------------------------------------------------------
 

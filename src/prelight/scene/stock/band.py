@@ -41,11 +41,11 @@ class Band:
         return self.curve(u) + across + (self.half_thickness(u) * np.sin(v))[..., None] * thin
 
     def normal(self, u: np.ndarray, v: np.ndarray) -> Float64[np.ndarray, "n 3"]:
-        """∂S/∂v × ∂S/∂u, normalised: outward where the curve, seen from +z, runs counter-clockwise."""
+        """∂S/∂u × ∂S/∂v, normalised; outward."""
         h = _DIFFERENCE
         along_u = self.point(u + h, v) - self.point(u - h, v)
         along_v = self.point(u, v + h) - self.point(u, v - h)
-        normal = np.cross(along_v, along_u)
+        normal = np.cross(along_u, along_v)
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
     def part(self, *, along: int, around: int) -> Part:
@@ -57,7 +57,7 @@ class Band:
         i, j = np.divmod(np.arange(along * around), around)
         i_next, j_next = (i + 1) % along, (j + 1) % around
         quads = np.stack(
-            [i * around + j, i * around + j_next, i_next * around + j_next, i_next * around + j], axis=1
+            [i * around + j, i_next * around + j, i_next * around + j_next, i * around + j_next], axis=1
         )
         return Part(positions, self.normal(uu, vv), split_quads(positions, quads))
 

@@ -23,7 +23,8 @@ def ground(*, radius: float, half_width: float, spacing: float) -> Part:
     for k, (size, step) in enumerate(_sizes(radius, half_width, spacing)):
         theta = _ring_angles(size, step, half_width, odd=k % 2 == 1)
         c, s = np.cos(theta), np.sin(theta)
-        rings.append((size / _roundness(c, s, (size - half_width) / _ROUND_FROM))[:, None] * np.stack([c, s], 1))
+        out = size / _roundness(c, s, (size - half_width) / _ROUND_FROM)
+        rings.append(np.stack([out * c, out * s], axis=1))
         angles.append(theta)
     firsts = np.cumsum([0, *(len(ring) for ring in rings)])
     flat = np.concatenate(rings)
@@ -34,12 +35,12 @@ def ground(*, radius: float, half_width: float, spacing: float) -> Part:
 
 def _sizes(radius: float, half_width: float, spacing: float) -> list[tuple[float, float]]:
     """Half the width of each ring, and the distance of its vertices."""
-    sizes = [(0.55 * half_width, 2 * spacing), (half_width + _INSIDE, spacing), (half_width + _OUTSIDE, spacing)]
-    size, step = sizes[-1]
+    size, step = half_width + _OUTSIDE, spacing
+    sizes = [(0.55 * half_width, 2 * step), (half_width + _INSIDE, step), (size, step)]
     while size + step < radius:
         size += step * np.sqrt(3) / 2
         wider = min(size, _SHADOWS_TO) - half_width
-        step = spacing * (1 + 0.3 * wider + 2.4 * max(size - _SHADOWS_TO, 0.0))
+        step = spacing * (1 + 0.16 * wider + 4.5 * max(size - _SHADOWS_TO, 0.0))
         sizes.append((size, step))
     return [*sizes[:-1], (radius, step)]
 

@@ -27,7 +27,9 @@ def plinth(*, half_width: float, height: float, chamfer: float, gap: float, cell
         turn = half_width * out + inner * right
         faces.append(rectangle(turn + gap * y, chamfer * (right - out), rise, cells=(1, up)))
         faces.append(_corner(turn + (height - chamfer) * y, chamfer * (right - out), slant))
-    faces.append(rectangle(inner * (z - x) + height * y, 2 * inner * x, -2 * inner * z, cells=(across, across)))
+    faces.append(
+        rectangle(inner * (z - x) + height * y, 2 * inner * x, -2 * inner * z, cells=(across, across))
+    )
     faces.append(_underside(half_width, inner, gap))
     return together(faces)
 
@@ -44,7 +46,8 @@ def _corner(tip: np.ndarray, across: np.ndarray, slant: np.ndarray) -> Part:
 def _underside(half_width: float, inner: float, gap: float) -> Part:
     """The octagon below; nobody sees it, but it closes the block to light."""
     h, i = half_width, inner
-    rim = [(i, h), (h, i), (h, -i), (i, -h), (-i, -h), (-h, -i), (-h, i), (-i, h)]  # x, z, clockwise from below
+    quarter = np.array([(i, h), (h, i)])  # x, z; clockwise seen from below
+    rim = np.concatenate([quarter, quarter[::-1] * (1, -1), -quarter, quarter[::-1] * (-1, 1)])
     positions = np.array([(0.0, gap, 0.0), *((x, gap, z) for x, z in rim)])
     k = np.arange(8)
     triangles = np.stack([np.zeros(8, int), 1 + (k + 1) % 8, 1 + k], axis=1).astype(np.int32)

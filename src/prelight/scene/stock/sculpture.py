@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera import Camera
+from ...errors import InputError
 from ..geometry import Scene
 from .band import Band
 from .ground import ground
@@ -12,23 +13,24 @@ from .parts import Part, scene_of
 from .plinth import plinth
 
 # Linear Rec.709.
-TERRACOTTA = (0.48, 0.23, 0.13)
+TERRACOTTA = (0.55, 0.25, 0.135)
 PLASTER = (0.66, 0.645, 0.62)
-STONE = (0.42, 0.405, 0.38)
+STONE = (0.31, 0.30, 0.285)
 
 HEIGHT = 1.25  # of the body, metres
 PLINTH_HEIGHT = 0.80
-HALF_WIDTH = 0.23  # of the plinth
+HALF_WIDTH = 0.24  # of the plinth
 CHAMFER = 0.006
 FLOOR_RADIUS = 12.0
-GAP = 0.005  # below body and plinth: their lowest receivers must not begin their rays inside what they stand on
-LEAN = 0.0
-BODY_TURN_DEG = 0.0
+GAP = (
+    0.005  # below body and plinth: their lowest receivers must not begin their rays inside what they stand on
+)
+BODY_TURN_DEG = -26.0  # towards the key light, which the stock environments have on the left
 PLINTH_TURN_DEG = -25.0
 
 CAMERAS = {
-    "front": Camera(eye=(0.0, 1.62, 4.9), target=(0.0, 1.17, 0.0), vertical_fov_deg=27.0),
-    "close": Camera(eye=(-0.9, 1.75, 2.9), target=(0.0, 1.40, 0.0), vertical_fov_deg=28.0),
+    "front": Camera(eye=(0.0, 1.60, 5.4), target=(0.16, 1.06, 0.0), vertical_fov_deg=26.0),
+    "close": Camera(eye=(-1.3, 1.85, 3.0), target=(0.05, 1.38, 0.0), vertical_fov_deg=27.0),
 }
 
 
@@ -54,23 +56,26 @@ def winding_band() -> Band:
 
 
 def sculpture(*, detail: float = 1.0) -> Scene:
-    """The sculpture, its plinth and a round floor of 12 m; about 30,000 · detail² vertices."""
-    body = _standing(winding_band().part(along=round(400 * detail), around=2 * round(20 * detail)))
-    cells = max(4, round(24 * detail))
-    base = plinth(
-        half_width=HALF_WIDTH, height=PLINTH_HEIGHT, chamfer=CHAMFER, gap=GAP, cells=(cells, cells)
-    )
-    floor = ground(radius=FLOOR_RADIUS, half_width=HALF_WIDTH, spacing=0.032 / detail)
+    """The sculpture, its plinth and a round floor of 12 m; about 30,000 · detail² vertices.
+
+    ``detail`` from 0.2 to 4. Raises InputError beyond.
+    """
+    if not 0.2 <= detail <= 4:
+        raise InputError("detail", f"{detail}, expected 0.2 to 4")
+    body = _standing(winding_band().part(along=round(360 * detail), around=2 * round(18 * detail)))
+    cells = max(4, round(20 * detail))
+    base = plinth(half_width=HALF_WIDTH, height=PLINTH_HEIGHT, chamfer=CHAMFER, gap=GAP, cells=(cells, cells))
+    floor = ground(radius=FLOOR_RADIUS, half_width=HALF_WIDTH, spacing=0.0375 / detail)
     parts = [
         (body, TERRACOTTA),
         (base.turned(PLINTH_TURN_DEG), PLASTER),
         (floor.turned(PLINTH_TURN_DEG), STONE),
     ]
-    return scene_of("sculpture", parts, cameras=CAMERAS)
+    return scene_of("sculpture" if detail >= 1 else "sculpture-small", parts, cameras=CAMERAS)
 
 
 def _standing(body: Part) -> Part:
     """Scaled to its height, its lowest point in the middle of the plinth, just above it."""
     body = body.scaled(HEIGHT / np.ptp(body.positions[:, 1])).turned(BODY_TURN_DEG)
     foot = body.positions[body.positions[:, 1].argmin()]
-    return body.moved(tuple(np.array([LEAN, PLINTH_HEIGHT + GAP, 0.0]) - foot))
+    return body.moved(tuple(np.array([0.0, PLINTH_HEIGHT + GAP, 0.0]) - foot))
