@@ -9,5 +9,5 @@ export PATH
 ruff check --quiet
 ruff format --check --quiet
 ty check --quiet
-lint-imports --no-logo >/dev/null || lint-imports --no-logo # once more to say what is wrong
+lint-imports --no-logo --no-cache >/dev/null || lint-imports --no-logo --no-cache # once more to say what is wrong
 exec python -m pytest -q "$@"

@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as arrays
 
 from prelight.errors import InputError
 from prelight.images import formats, map_checks, radiance_hdr
+from prelight.scene.variant import mitsuba
 
 HEADER = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n"
 PROBE_MAXIMA = {  # as other programs read them
@@ -257,8 +258,7 @@ def test_public_maps_have_their_known_maxima(data, name) -> None:
 
 @pytest.mark.parametrize("name", ["probes/grace_cross.hdr", "skies/venice_sunset_1k.hdr"])
 def test_another_program_reads_the_same(data, name) -> None:
-    mi = pytest.importorskip("mitsuba")
-    mi.set_variant("scalar_rgb")
+    mi = mitsuba()
     theirs = np.array(mi.Bitmap(str(data / name)), copy=False)[..., :3]
     np.testing.assert_array_equal(formats.read_radiance_map(data / name), theirs)
 

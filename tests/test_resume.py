@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
@@ -25,7 +26,7 @@ from prelight.storage.journal import BakeWriter, partial_folder
 from .disk import ERRORS, Disk, Killed, copy, quick_bake, tree
 from .scenes import ball_on_floor
 
-KILLS = int(os.environ.get("PRELIGHT_KILLS", "12"))  # of a real process; 200 before a release
+KILLS = int(os.environ.get("PRELIGHT_KILLS", "8"))  # of a real process; 200 before a release
 ROOT = Path(__file__).resolve().parents[1]
 PANELS = 2
 
@@ -388,11 +389,9 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
         subprocess.run(["umount", disk], check=True)
 
 
-BAKERY = """
-import os, signal, sys, traceback
-from pathlib import Path
+BAKER = """
+import os, sys
 sys.path.insert(0, sys.argv[1])
-import mitsuba
 from prelight.baking.environment import bake_planned
 from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
 from tests.scenes import ball_on_floor
@@ -403,78 +402,50 @@ plan = EnvironmentPlan(
     settings=EnvironmentSettings(resolution=24), receivers=len(scene.positions), triangles=len(scene.triangles),
     tolerance=0.0135, lanes=1 << 18, block=48, **figures,
 )
-signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-for line in sys.stdin:
-    request, target = line.split(maxsplit=1)
-    if os.fork() == 0:
-        def say(what):
-            print(request, os.getpid(), what, flush=True)
-        try:
-            bake_planned(scene, target.strip(), plan=plan, resume=True, report=lambda *_: say("working"))
-            say("done")
-        except BaseException:
-            traceback.print_exc()
-            say("failed")
-        os._exit(0)
+bake_planned(scene, sys.argv[2], plan=plan, resume=True, report=lambda *_: print("working", flush=True))
+print("done", flush=True)
 """
 
 
-class Bakery:
-    """A process that has everything loaded and forks a baker for each request, with the real renderer."""
+def bake_in_a_process(target: Path, *, until: float | None = None) -> float:
+    """Bake with the real renderer, or kill -9 the baker so many seconds after its first report; seconds it ran."""
+    command = [sys.executable, "-c", BAKER, str(ROOT), str(target)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as baker:
+        assert baker.stdout.readline() == "working\n"
+        started = time.perf_counter()
+        if until is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                baker.wait(until)
+            baker.kill()
+        words = baker.stdout.read().split()
+        assert until is not None or words[-1] == "done"
+    return time.perf_counter() - started
 
-    def __enter__(self) -> Bakery:
-        command = [sys.executable, "-c", BAKERY, str(ROOT)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self._requests = 0
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.communicate()
-
-    def _heard(self) -> tuple[int, str]:
-        """What the baker of the last request says next; earlier ones are dead."""
-        while True:
-            request, pid, what = self._process.stdout.readline().split()
-            if int(request) == self._requests:
-                return int(pid), what
-
-    def bake(self, target: Path, *, until: float | None = None) -> bool:
-        """Bake, or kill the baker so many seconds after its first report; whether the bake is finished."""
-        self._requests += 1
-        self._process.stdin.write(f"{self._requests} {target}\n")
-        self._process.stdin.flush()
-        pid, what = self._heard()
-        if until is not None and what == "working":
-            time.sleep(until)
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
-                while True:
-                    os.kill(pid, 0)  # until it is gone, and its lock with it
-            return target.exists()
-        while what == "working":
-            _, what = self._heard()
-        assert what == "done"
-        return True
+def killed_until_done(folder: Path, *, kills: int, seed: int, lasts: float) -> list[dict[str, str]]:
+    """Trees of the bakes that so many kills, at random times, fell upon."""
+    random_times = random.Random(seed)
+    trees = []
+    while kills:
+        target = folder / f"{seed}-{len(trees)}.prelight"
+        while kills and not target.exists():
+            bake_in_a_process(target, until=random_times.uniform(0, 0.7 * lasts))
+            kills -= 1
+        if not target.exists():
+            bake_in_a_process(target)
+        trees.append(tree(target))
+    return trees
 
 
 def test_kill_9_of_the_real_thing(tmp_path):
-    """P1: a process with its renderer's threads, killed at random times."""
-    random_times = random.Random(9)
-    with Bakery() as bakery:
-        bakery.bake(tmp_path / "whole.prelight")
-        started = time.perf_counter()
-        bakery.bake(tmp_path / "again.prelight")
-        lasts = time.perf_counter() - started
-        expected = tree(tmp_path / "whole.prelight")
-        assert tree(tmp_path / "again.prelight") == expected
-        kills = bakes = 0
-        while kills < KILLS:
-            target = tmp_path / f"ball{bakes}.prelight"
-            while not bakery.bake(target, until=random_times.uniform(0, lasts) if kills < KILLS else None):
-                kills += 1
-            assert tree(target) == expected
-            bakes += 1
+    """P1: processes with their renderer's threads, killed at random times, two at a time."""
+    lasts = bake_in_a_process(tmp_path / "whole.prelight")
+    with ThreadPoolExecutor(2) as pool:
+        chains = [
+            pool.submit(killed_until_done, tmp_path, kills=-(-KILLS // 2), seed=seed, lasts=lasts) for seed in (1, 2)
+        ]
+        trees = [found for chain in chains for found in chain.result()]
+    assert trees == [tree(tmp_path / "whole.prelight")] * len(trees)
 
 
 def write_ply(path: Path, scene: Scene) -> Path:

@@ -5,12 +5,13 @@ conversion using 2D homogeneous coordinates"). A vertex in *pixel space* is q = 
 place in the picture in pixels (y downward) and w its depth along the viewing axis, negative behind the eye. The
 ray through the picture point (x, y) is then d = (x, y, 1), and for a triangle with vertices q0, q1, q2 the numbers
 
-    u0 = d·(q1 × q2) / D,   u1 = d·(q2 × q0) / D,   u2 = d·(q0 × q1) / D,   D = q0·(q1 × q2)
+    u0 = ±d·(q1 × q2),   u1 = ±d·(q2 × q0),   u2 = ±d·(q0 × q1),   with the sign of D = q0·(q1 × q2)
 
 are linear in x and y. The ray meets the triangle in front of the eye where none of them is negative; their sum
-is 1 / depth there, and each divided by the sum is a perspective-correct barycentric coordinate.
+is |D| / depth there, and each divided by the sum is a perspective-correct barycentric coordinate.
 
-A shared edge gives its two triangles exactly opposite values, and a sample with u = 0 belongs to both: no cracks.
+A shared edge gives its two triangles exactly opposite values (so nothing may be scaled before the signs are
+tested), and a sample with u = 0 belongs to both: no cracks.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ NOTHING = np.int32(-1)
 @njit(cache=True)
 def _edges(
     q: Float64[np.ndarray, "vertices 3"], corners: Int32[np.ndarray, "3"], planes: Float64[np.ndarray, "3 3"]
-) -> bool:
-    """Rows a, b, c with u_i = a·x + b·y + c; False for a triangle seen edge-on."""
+) -> float:
+    """Fills rows a, b, c with u_i = a·x + b·y + c; returns 1 / |D|, or 0 for a triangle seen edge-on."""
     for i in range(3):
         j, k = corners[(i + 1) % 3], corners[(i + 2) % 3]
         planes[i, 0] = q[j, 1] * q[k, 2] - q[j, 2] * q[k, 1]
@@ -36,12 +37,13 @@ def _edges(
         planes[i, 2] = q[j, 0] * q[k, 1] - q[j, 1] * q[k, 0]
     v = corners[0]
     determinant = q[v, 0] * planes[0, 0] + q[v, 1] * planes[0, 1] + q[v, 2] * planes[0, 2]
-    if not (abs(determinant) > 0.0 and abs(1.0 / determinant) < np.inf):
-        return False
-    for i in range(3):
-        for j in range(3):
-            planes[i, j] /= determinant
-    return True
+    if not 1e-300 < abs(determinant) < np.inf:
+        return 0.0
+    if determinant < 0.0:
+        for i in range(3):
+            for j in range(3):
+                planes[i, j] = -planes[i, j]
+    return 1.0 / abs(determinant)
 
 
 @njit(cache=True)
@@ -113,8 +115,8 @@ def _comes_first(triangles, a: int, b: int) -> bool:
 
 
 @njit(cache=True)
-def _draw_triangle(t, triangles, planes, bounds, row, offsets, shift, nearest, depths, winners):
-    """Enter triangle t into the depth buffer of the rows from ``row`` on; ``shift`` (3, samples) is scratch."""
+def _draw_triangle(t, triangles, planes, scale, bounds, row, offsets, shift, nearest, depths, winners):
+    """Enter triangle t into the buffer of inverse depths of the rows from ``row`` on; ``shift`` is scratch."""
     samples = len(offsets)
     a0, b0, c0 = planes[0, 0], planes[0, 1], planes[0, 2]
     a1, b1, c1 = planes[1, 0], planes[1, 1], planes[1, 2]
@@ -133,7 +135,7 @@ def _draw_triangle(t, triangles, planes, bounds, row, offsets, shift, nearest, d
             for s in range(samples):
                 v0, v1, v2 = u0 + shift[0, s], u1 + shift[1, s], u2 + shift[2, s]
                 if min(v0, v1, v2) >= 0.0:
-                    inverse_depth = v0 + v1 + v2
+                    inverse_depth = (v0 + v1 + v2) * scale
                     best = depths[y - row, x, s]
                     if best <= inverse_depth <= nearest and (
                         inverse_depth > best or _comes_first(triangles, t, winners[y - row, x, s])
@@ -161,9 +163,12 @@ def visible_triangles(q, triangles, bounds, starts, order, first_row, offsets, n
             here[:] = NOTHING
             for n in range(starts[band], starts[band + 1]):
                 t = order[n]
-                if _edges(q, triangles[t], planes):
-                    box = bounds[t, 0], bounds[t, 1], max(bounds[t, 2], top), min(bounds[t, 3], bottom)
-                    _draw_triangle(t, triangles, planes, box, top, offsets, shift, 1.0 / near, depths, here)
+                scale = _edges(q, triangles[t], planes)
+                box = bounds[t, 0], bounds[t, 1], max(bounds[t, 2], top), min(bounds[t, 3], bottom)
+                if scale > 0.0:
+                    _draw_triangle(
+                        t, triangles, planes, scale, box, top, offsets, shift, 1.0 / near, depths, here
+                    )
 
 
 @njit(cache=True, parallel=True)

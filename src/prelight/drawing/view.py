@@ -43,9 +43,9 @@ class _Strip:
 class View:
     """What ``camera`` sees of a mesh in a picture of ``width`` × ``height`` pixels, ready to be relit.
 
-    Each pixel has ``samples_per_side``² samples, weighted by a tent one pixel in radius.
-    Triangles are seen from both sides. What is nearer than a thousandth of the camera's distance to its target is
-    not drawn. About 16 bytes for each triangle a pixel sees: 40 MB for a mesh of 50,000 triangles at 1280×720.
+    Each pixel is the mean of ``samples_per_side``² samples under a tent two pixels wide. Triangles are seen from
+    both sides. What is nearer than a thousandth of the camera's distance to its target is not drawn. Kept are 16
+    bytes for each triangle a pixel sees: some 30 MB for a mesh of 50,000 triangles at 1280×720.
 
     Raises InputError for sizes out of range (1 to 16384 pixels a side, 1 to 8 samples), arrays of another shape,
     positions that are not finite, or indices outside them.
@@ -155,6 +155,8 @@ class _Frame:
         light = np.asarray(background(self.directions(column + 0.5, strip.first_row + row + 0.5)))
         if light.shape != (len(row), 3):
             raise InputError("background", f"returned shape {light.shape}, expected ({len(row)}, 3)")
+        if not np.isfinite(light).all():
+            raise InputError("background", "returned values that are not finite numbers")
         behind[row, column] = light
 
     def directions(self, x: Float64[np.ndarray, "n"], y: Float64[np.ndarray, "n"]) -> Directions:

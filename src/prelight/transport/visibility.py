@@ -8,8 +8,8 @@ from numba import njit, prange, types
 from ..arrays import Directions, Int32, Normals, Positions, Triangles, UInt8
 from ..rays.mitsuba import triangle_scene
 
-MAX_LANES = 1 << 25  # rays of one launch: indices stay far below 2³², memory below about half a gigabyte
-BYTES_PER_LANE = 16  # measured peak of a launch, rounded up
+MAX_LANES = 1 << 25  # rays of one launch: indices stay far below 2³², memory below 100 MB
+BYTES_PER_LANE = 2.5  # measured peak of a launch on the processor
 _OFFSET = 1e-4  # of the scene's bounding-box diagonal
 
 

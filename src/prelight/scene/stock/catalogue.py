@@ -20,10 +20,10 @@ class StockScene(NamedTuple):
 
 STOCK_SCENES: dict[str, StockScene] = {
     "sculpture": StockScene(
-        sculpture, "a terracotta band on a plinth, 29,871 receivers; cameras front, close"
+        sculpture, "a terracotta band on a plinth, 29,695 receivers; cameras front, close"
     ),
     "sculpture-small": StockScene(
-        partial(sculpture, detail=0.38), "the same in 4,615 receivers, for trials and tests"
+        partial(sculpture, detail=0.38), "the same in 4,669 receivers, for trials and tests"
     ),
     "environment": StockScene(sculpture, "the scene that shows environment light: the sculpture"),
 }

@@ -50,7 +50,7 @@ def scene_of(
 ) -> Scene:
     """A scene of parts and their albedo, linear Rec.709."""
     whole = together([part for part, _ in parts])
-    albedo = [np.broadcast_to(np.float32(colour), part.positions.shape) for part, colour in parts]
+    albedo = [np.broadcast_to(np.array(colour, np.float32), part.positions.shape) for part, colour in parts]
     return Scene(
         name=name,
         positions=whole.positions.astype(np.float32),

@@ -30,7 +30,7 @@ def plinth(*, half_width: float, height: float, chamfer: float, gap: float, cell
     faces.append(
         rectangle(inner * (z - x) + height * y, 2 * inner * x, -2 * inner * z, cells=(across, across))
     )
-    faces.append(_underside(half_width, inner, gap))
+    faces.append(_underside(half_width, inner, gap, across=across))
     return together(faces)
 
 
@@ -43,12 +43,12 @@ def _corner(tip: np.ndarray, across: np.ndarray, slant: np.ndarray) -> Part:
     )
 
 
-def _underside(half_width: float, inner: float, gap: float) -> Part:
+def _underside(half_width: float, inner: float, gap: float, *, across: int) -> Part:
     """The octagon below; nobody sees it, but it closes the block to light."""
-    h, i = half_width, inner
-    quarter = np.array([(i, h), (h, i)])  # x, z; clockwise seen from below
-    rim = np.concatenate([quarter, quarter[::-1] * (1, -1), -quarter, quarter[::-1] * (-1, 1)])
+    line = np.linspace(-inner, inner, across + 1)
+    side = np.stack([line, np.full(across + 1, half_width)], axis=1)  # x, z; clockwise seen from below
+    rim = np.concatenate([side, side[:, ::-1] * (1, -1), -side, side[:, ::-1] * (-1, 1)])
     positions = np.array([(0.0, gap, 0.0), *((x, gap, z) for x, z in rim)])
-    k = np.arange(8)
-    triangles = np.stack([np.zeros(8, int), 1 + (k + 1) % 8, 1 + k], axis=1).astype(np.int32)
+    k = np.arange(len(rim))
+    triangles = np.stack([np.zeros(len(rim), int), 1 + (k + 1) % len(rim), 1 + k], axis=1).astype(np.int32)
     return Part(positions, np.broadcast_to([0.0, -1.0, 0.0], positions.shape), triangles)

@@ -65,7 +65,7 @@ def sculpture(*, detail: float = 1.0) -> Scene:
     body = _standing(winding_band().part(along=round(360 * detail), around=2 * round(18 * detail)))
     cells = max(4, round(20 * detail))
     base = plinth(half_width=HALF_WIDTH, height=PLINTH_HEIGHT, chamfer=CHAMFER, gap=GAP, cells=(cells, cells))
-    floor = ground(radius=FLOOR_RADIUS, half_width=HALF_WIDTH, spacing=0.0375 / detail)
+    floor = ground(radius=FLOOR_RADIUS, half_width=HALF_WIDTH, spacing=0.038 / detail)
     parts = [
         (body, TERRACOTTA),
         (base.turned(PLINTH_TURN_DEG), PLASTER),
