@@ -141,6 +141,7 @@ class Disk:
         self._handles: dict[int, str] = {}
         self._begun: set[int] = set()
         self._dirty: set[str] = set()
+        self._synced: dict[str, int] = {}  # bytes of a file that are safe
         self._real: dict[str, Callable] = {}
 
     @property
@@ -164,7 +165,7 @@ class Disk:
         if self.power_cut:
             for path in self._dirty:
                 if os.path.isfile(path):
-                    os.truncate(path, 0)
+                    os.truncate(path, self._synced.get(path, 0))
 
     def _ours(self, path: object, dir_fd: int | None) -> str | None:
         if isinstance(path, int):
@@ -217,6 +218,7 @@ class Disk:
             return self._real["fsync"](handle)
         self._step(f"fsync {self._handles[handle]}")
         self._dirty.discard(self._handles[handle])
+        self._synced[self._handles[handle]] = os.fstat(handle).st_size
 
     def _moved(self, call, source, target):
         ours = self._ours(source, None)
@@ -225,9 +227,9 @@ class Disk:
         self._real[call](source, target)
         if ours:
             a, b = os.fsdecode(source), os.fsdecode(target)
-            moved = {p for p in self._dirty if p == a or p.startswith(a + "/")}
-            self._dirty -= moved | {b}
-            self._dirty |= {b + p[len(a) :] for p in moved}
+            moved = {p: b + p[len(a) :] for p in self._dirty | self._synced.keys() if p == a or p.startswith(a + "/")}
+            self._dirty = {moved.get(p, p) for p in self._dirty - {b}}
+            self._synced = {moved.get(p, p): size for p, size in self._synced.items() if p != b}
 
     def _replace(self, source, target, **_):
         self._moved("replace", source, target)

@@ -78,17 +78,18 @@ class Camera:
         *,
         azimuth_deg: float = 35,
         elevation_deg: float = 18,
-        height_share: float = 0.95,
+        share: float = 0.9,
     ) -> Camera:
-        """A camera from the front right and a little above.
+        """A camera from the front right and a little above that sees all positions.
 
-        The sphere about all positions fills ``height_share`` of the picture's height.
+        They fill ``share`` of the height of a 16:9 picture, or of its width if they are wide.
         """
-        low, high = positions.min(axis=0), positions.max(axis=0)
-        centre, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 or 1.0
-        a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+        a, e, fov = math.radians(azimuth_deg), math.radians(elevation_deg), 35.0
         toward = np.array([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)])
-        fov = 35.0
-        distance = radius / (height_share * math.sin(math.radians(fov) / 2))
-        eye, target = centre + distance * toward, centre
-        return cls(tuple(eye), tuple(target), vertical_fov_deg=fov)
+        centre = (positions.min(axis=0).astype(np.float64) + positions.max(axis=0)) / 2
+        axes = cls(tuple(toward), (0.0, 0.0, 0.0)).axes()
+        right, up, back = ((positions - centre) @ axes.T).T
+        slope = share * math.tan(math.radians(fov) / 2)
+        needed = back + np.maximum(np.abs(up), np.abs(right) * 9 / 16) / slope
+        distance = float(needed.max()) or 1.0
+        return cls(tuple(centre + distance * toward), tuple(centre), vertical_fov_deg=fov)
