@@ -133,13 +133,16 @@ def test_what_is_behind_the_eye_or_nearer_than_the_near_plane_is_not_drawn() -> 
 
 
 def test_the_near_plane_cuts_where_it_stands() -> None:
-    """A floor half a millimetre under an eye whose near plane is at one: seen at slopes below a half."""
-    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), vertical_fov_deg=90.0)
+    """A floor half a millimetre under a leaning eye whose near plane is at one: seen at slopes below a half."""
+    camera = Camera(eye=(0, 0, 0), target=(0, 0, -1), up=(0.7, 1.0, 0.0), vertical_fov_deg=90.0)
     positions = np.array([(-9, -5e-4, 9), (9, -5e-4, 9), (9, -5e-4, -9), (-9, -5e-4, -9)], np.float32)
     triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     coverage = View(positions, triangles, camera=camera, **SIZE).coverage
-    assert (coverage[46:67] == 1).all()
-    assert (coverage[69:] == 0).all()
+    slope = rays(camera, **SIZE)[..., 1]
+    pixel = 2 / SIZE["height"]
+    assert (coverage[(slope < -2 * pixel) & (slope > -0.5 + 2 * pixel)] == 1).all()
+    assert (coverage[slope < -0.5 - 2 * pixel] == 0).all()
+    assert (coverage[slope > 2 * pixel] == 0).all()
 
 
 def test_the_nearer_of_two_crossing_triangles_shows() -> None:

@@ -13,7 +13,7 @@ from prelight.scene.normals import vertex_normals, zero_area
 from prelight.scene.stock import sculpture as made_here
 from prelight.scene.stock.catalogue import STOCK_SCENES, stock_scene
 from prelight.scene.stock.ground import ground
-from prelight.scene.stock.parts import Part
+from prelight.scene.stock.parts import Part, split_quads
 from prelight.scene.stock.plinth import plinth
 from prelight.scene.stock.sculpture import sculpture, winding_band
 from prelight.transport.visibility import ray_offset
@@ -155,6 +155,24 @@ def test_the_floor_is_one_disc_without_holes_or_folds(spacing: float) -> None:
     border = {tuple(e) for e in found} - {tuple(e) for e in found[:, ::-1]}
     assert len(border) == n
     assert (floor.normals == (0, 1, 0)).all()
+
+
+@pytest.mark.parametrize("spacing", [0.03, 0.038, 0.1])
+def test_the_open_floor_has_no_slivers(spacing: float) -> None:
+    floor = ground(radius=12.0, half_width=0.24, spacing=spacing)
+    p = floor.positions[floor.triangles]
+    side = np.roll(p, -1, axis=1) - p
+    side /= np.linalg.norm(side, axis=2, keepdims=True)
+    angles = np.degrees(np.arccos(-np.einsum("ijk,ijk->ij", side, np.roll(side, 1, axis=1)).clip(-1, 1)))
+    beyond_the_wall = np.abs(p[..., [0, 2]]).max(axis=2).min(axis=1) > 0.2435
+    assert angles[beyond_the_wall].min() > 17
+    assert angles[beyond_the_wall].max() < 135
+
+
+def test_quads_are_cut_along_the_shorter_diagonal() -> None:
+    positions = np.array([(0, 0, 0), (1, 0, 0), (1.5, 1, 0), (0.5, 1, 0)])
+    assert split_quads(positions, np.array([[0, 1, 2, 3]])).tolist() == [[0, 1, 3], [1, 2, 3]]
+    assert split_quads(positions, np.array([[1, 2, 3, 0]])).tolist() == [[1, 2, 3], [1, 3, 0]]
 
 
 def test_no_triangle_of_the_floor_bleeds_the_plinth_s_shadow() -> None:

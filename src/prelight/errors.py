@@ -6,13 +6,22 @@ the exit code the command line documents.
 
 from __future__ import annotations
 
-_LONGEST_MESSAGE = 300
+_LONGEST_MESSAGE = 290  # with the program's name before it, 300
+_LONGEST_NAME = 140
 
 
 def printable(text: object) -> str:
     """One line, control characters escaped, so that a hostile name cannot steer a terminal."""
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    start = str(text)[: _LONGEST_MESSAGE + 1]  # a name or value from a file may be megabytes
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in start)
     return line if len(line) <= _LONGEST_MESSAGE else line[: _LONGEST_MESSAGE - 1] + "…"
+
+
+def _short(path: object) -> str:
+    """A name with its middle left out if it is long: the reason behind it must stay readable."""
+    name = str(path)
+    half = _LONGEST_NAME // 2
+    return name if len(name) <= _LONGEST_NAME else f"{name[: half - 1]}…{name[-half:]}"
 
 
 class PrelightError(Exception):
@@ -38,7 +47,7 @@ class InputError(PrelightError, ValueError):
 
     def __init__(self, path: object, reason: str, where: str | None = None) -> None:
         self.path, self.reason, self.where = path, reason, where
-        super().__init__(printable(f"{path}: {reason}" + (f" ({where})" if where else "")))
+        super().__init__(printable(f"{_short(path)}: {reason}" + (f" ({where})" if where else "")))
 
 
 class MissingExtraError(PrelightError, ImportError):
@@ -57,7 +66,7 @@ class OutputError(PrelightError, OSError):
 
     def __init__(self, path: object, reason: str) -> None:
         self.path, self.reason = path, reason
-        super().__init__(printable(f"{path}: {reason}"))
+        super().__init__(printable(f"{_short(path)}: {reason}"))
 
 
 class DamagedBakeError(PrelightError, ValueError):
@@ -67,7 +76,7 @@ class DamagedBakeError(PrelightError, ValueError):
 
     def __init__(self, path: object, reason: str) -> None:
         self.path, self.reason = path, reason
-        super().__init__(printable(f"{path}: {reason}"))
+        super().__init__(printable(f"{_short(path)}: {reason}"))
 
 
 class InterruptedBakeError(PrelightError, RuntimeError):
@@ -77,4 +86,4 @@ class InterruptedBakeError(PrelightError, RuntimeError):
 
     def __init__(self, path: object, reason: str, exit_code: int = 130) -> None:
         self.path, self.reason, self.exit_code = path, reason, exit_code
-        super().__init__(printable(f"{path}: {reason}"))
+        super().__init__(printable(f"{_short(path)}: {reason}"))

@@ -22,7 +22,7 @@ from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.chunks import ArraySpec, ChunkRecord
 from ..storage.journal import BakeWriter, refuse_target
-from ..storage.manifest import FORMAT, VERSION, LayerRecord, Manifest, SceneRecord
+from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest, SceneRecord
 from ..transport.ordering import receiver_order
 from ..transport.visibility import Visibility
 from .clustering import cluster_lights
@@ -257,7 +257,7 @@ class _LayerWriter:
             scene=SceneRecord(
                 name=scene.name,
                 digest=scene.digest,
-                cameras={name: _plain(camera.to_dict()) for name, camera in scene.cameras.items()},
+                cameras=[CameraRecord(name=n, view=_plain(c.to_dict())) for n, c in scene.cameras.items()],
                 notes=list(scene.notes),
             ),
             layers={"environment": layer},

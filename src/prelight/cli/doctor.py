@@ -89,7 +89,11 @@ def _speeds() -> dict[str, Any]:
 
     from ..checking.machine import read_bandwidth, tracing_speed
 
-    advice = [] if sys.platform != "linux" or _loads("libatomic.so.1") else [_install("libatomic1", "to trace rays")]
+    advice = (
+        []
+        if sys.platform != "linux" or _loads("libatomic.so.1")
+        else [_install("libatomic1", "to trace rays")]
+    )
     figures: dict[str, Any] = {"read_bytes_per_second": read_bandwidth()}
     figures |= {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}
     if sys.platform == "linux" and not _loads("libgomp.so.1") and figures["threading_layer"] == "workqueue":

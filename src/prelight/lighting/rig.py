@@ -49,7 +49,9 @@ class Rig:
             table = _RigFile.model_validate(document).environment
         except ValidationError as error:
             first = error.errors()[0]
-            raise InputError(path, first["msg"].lower(), "/" + "/".join(str(part) for part in first["loc"])) from None
+            raise InputError(
+                path, first["msg"].lower(), "/" + "/".join(str(part) for part in first["loc"])
+            ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(path, f"not a TOML rig: {error}") from None
         if "\x00" in table.map:

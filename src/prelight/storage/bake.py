@@ -60,7 +60,7 @@ class Bake:
     @cached_property
     def cameras(self) -> dict[str, Camera]:
         try:
-            return {name: Camera.from_dict(values) for name, values in self.manifest.scene.cameras.items()}
+            return {camera.name: Camera.from_dict(camera.view) for camera in self.manifest.scene.cameras}
         except InputError as error:
             raise DamagedBakeError(self.path, f"a camera in it is wrong: {error.reason}") from None
 
@@ -146,7 +146,7 @@ class Bake:
             "digest": manifest.scene.digest,
             "receivers": manifest.arrays["scene/positions"].shape[0],
             "triangles": manifest.arrays["scene/triangles"].shape[0],
-            "cameras": sorted(manifest.scene.cameras),
+            "cameras": [camera.name for camera in manifest.scene.cameras],
             "notes": manifest.scene.notes,
             "bytes": manifest.bytes_of(""),
             "layers": layers,

@@ -126,7 +126,9 @@ def _map_regular(root: Path, key: str, size: int) -> memoryview:
             os.close(handle)
     except OSError as error:
         if error.errno in (errno.EMFILE, errno.ENFILE):
-            raise OutputError(root, "more chunks than files may be open; raise the limit: ulimit -n 65536") from None
+            raise OutputError(
+                root, "more chunks than files may be open; raise the limit: ulimit -n 65536"
+            ) from None
         what = {errno.ENOENT: "is missing", errno.ELOOP: "is a link, not a file"}.get(error.errno or 0)
         what = what or f"cannot be read: {error.strerror}"
         raise DamagedBakeError(root, f"chunk {key} {what}; bake again or restore it") from None

@@ -37,10 +37,15 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+class CameraRecord(_Strict):
+    name: str
+    view: dict[str, Any]  # the fields of ``camera.Camera``
+
+
 class SceneRecord(_Strict):
     name: str
     digest: str = Field(pattern=r"^[0-9a-f]{64}$")
-    cameras: dict[str, dict[str, Any]]
+    cameras: list[CameraRecord]  # the first is the one pictures are taken with
     notes: list[str]
 
 
@@ -74,7 +79,7 @@ class Manifest(_Strict):
         return files | {f"{name}/zarr.json": spec.zarr_metadata() for name, spec in self.arrays.items()}
 
     def to_bytes(self) -> bytes:
-        """Canonical JSON; its last member is the sha256 of the rest."""
+        """Canonical JSON; its member ``sha256`` is the hash of the rest."""
         body = self.model_dump()
         return json.dumps(
             {**body, "sha256": _digest(body)}, sort_keys=True, indent=1, allow_nan=False
@@ -126,7 +131,9 @@ class Manifest(_Strict):
                     claimed = f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape"
                     raise DamagedBakeError(root, claimed)
         if surplus:
-            less = "names chunks that no array has" if surplus > 0 else "does not name all chunks of its arrays"
+            less = (
+                "names chunks that no array has" if surplus > 0 else "does not name all chunks of its arrays"
+            )
             raise DamagedBakeError(root, f"the manifest {less}")
         if problem := self._scene_problem() or self._layer_problem():
             raise DamagedBakeError(root, problem)
@@ -196,7 +203,9 @@ def _parse_records(data: dict[str, Any], fields: set[str]) -> None:
             try:
                 values[name] = record.model_validate(value)
             except ValidationError as error:
-                raise ValueError(f"{error.errors(include_input=False)[0]['msg']} at /{field}/{name}") from None
+                raise ValueError(
+                    f"{error.errors(include_input=False)[0]['msg']} at /{field}/{name}"
+                ) from None
 
 
 def _digest(body: dict) -> str:

@@ -22,9 +22,7 @@ PLINTH_HEIGHT = 0.80
 HALF_WIDTH = 0.24  # of the plinth
 CHAMFER = 0.006
 FLOOR_RADIUS = 12.0
-GAP = (
-    0.005  # below body and plinth: their lowest receivers must not begin their rays inside what they stand on
-)
+GAP = 0.005  # below body and plinth: rays begin 3.4 mm off a surface, and must not begin inside another
 BODY_TURN_DEG = -26.0  # towards the key light, which the stock environments have on the left
 PLINTH_TURN_DEG = -25.0
 
