@@ -8,6 +8,8 @@ import json
 import os
 import shutil
 import stat
+import time
+import tracemalloc
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -18,6 +20,9 @@ import pytest
 from prelight.baking import environment as baking
 from prelight.baking.clustering import Clusters, cluster_lights
 from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
+from prelight.errors import DamagedBakeError, InputError, PrelightError
+from prelight.lighting.environment import Environment
+from prelight.relighting.relighter import Relighter
 from prelight.scene.geometry import Scene
 from prelight.storage import journal
 from prelight.storage.bake import Bake
@@ -25,6 +30,7 @@ from prelight.storage.manifest import NAME
 
 from .scenes import ball_on_floor
 
+RESOLUTION, TOLERANCE = 9, 0.015  # 326 clusters, of up to 3×3 texels, in two panels
 BALL, RADIUS = np.array([0.0, 0.6, 0.0], np.float32), np.float32(0.4)
 
 
@@ -68,10 +74,10 @@ _replayed = _Replayed()
 _software = cache(baking._software)
 
 
-def quick_plan(*, tolerance: float = 0.004, block: int = 32) -> tuple[Scene, EnvironmentPlan]:
+def quick_plan(*, tolerance: float = TOLERANCE, block: int = 32) -> tuple[Scene, EnvironmentPlan]:
     """A small scene, and a plan of it without the estimate."""
     scene = ball_on_floor(side=6, rings=5)
-    settings = EnvironmentSettings(resolution=8, tolerance=tolerance)
+    settings = EnvironmentSettings(resolution=RESOLUTION, tolerance=tolerance)
     figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
     return scene, EnvironmentPlan(
         settings=settings,
@@ -84,8 +90,10 @@ def quick_plan(*, tolerance: float = 0.004, block: int = 32) -> tuple[Scene, Env
     )
 
 
-def quick_bake(target: Path, *, replay: bool = True, block: int = 32, tolerance: float = 0.004, **options) -> Bake:
-    """A bake of two panels (384 clusters) of a small scene; options as for `bake_planned`.
+def quick_bake(
+    target: Path, *, replay: bool = True, block: int = 32, tolerance: float = TOLERANCE, **options
+) -> Bake:
+    """A bake of two panels of a small scene; options as for `bake_planned`.
 
     With ``replay`` the clusters are found once in a process and written again each time.
     """
@@ -111,6 +119,37 @@ def tree(folder: Path) -> dict[str, str]:
     return found
 
 
+def light_of(path: Path) -> np.ndarray:
+    """Everything a relighter reads of a bake, down to the picture."""
+    light = Relighter(path)
+    assert isinstance(light.bake.triangles, np.ndarray)
+    light.environment = Environment.constant((1.0, 0.5, 0.25))
+    for face in range(6):
+        light.edit(face, slice(face, face + 2), slice(1, 3), np.array([face, 2.0, 9.0]))
+    light.camera()
+    return light.radiance
+
+
+def refusal(act: Callable[[], object]) -> PrelightError | None:
+    """The one-line error of an act that takes under a second and little memory; None if it succeeds."""
+    tracemalloc.start()
+    started = time.perf_counter()
+    try:
+        act()
+        error = None
+    except PrelightError as refused:
+        error = refused
+    seconds, (_, peak) = time.perf_counter() - started, tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert seconds < 1, f"{seconds:.1f} s"
+    assert peak < 64e6, f"{peak / 1e6:.0f} MB"
+    if error is not None:
+        assert str(error).isprintable()
+        assert len(str(error)) <= 300
+        assert isinstance(error, DamagedBakeError | InputError), repr(error)
+    return error
+
+
 def rewrite_manifest(folder: Path, change: Callable[[dict], object]) -> None:
     """Change the manifest and give it the right sha256 again, as an attacker would."""
     manifest = json.loads((folder / NAME).read_bytes())
@@ -134,7 +173,9 @@ class Disk:
 
     CALLS = ("open", "write", "fsync", "replace", "rename", "mkdir", "unlink", "rmdir", "close")
 
-    def __init__(self, folder: Path, *, at: int = 0, error: int | None = None, power_cut: bool = False) -> None:
+    def __init__(
+        self, folder: Path, *, at: int = 0, error: int | None = None, power_cut: bool = False
+    ) -> None:
         self.folder, self.at, self.error, self.power_cut = str(folder), at, error, power_cut
         self.calls: list[str] = []
         self.dead = False
@@ -206,7 +247,9 @@ class Disk:
 
     def _write(self, handle, data):
         if handle in self._handles:
-            self._step(f"write {self._handles[handle]}", lambda: self._real["write"](handle, data[: len(data) // 2]))
+            self._step(
+                f"write {self._handles[handle]}", lambda: self._real["write"](handle, data[: len(data) // 2])
+            )
             self._dirty.add(self._handles[handle])
             if handle not in self._begun:
                 self._begun.add(handle)
@@ -227,7 +270,11 @@ class Disk:
         self._real[call](source, target)
         if ours:
             a, b = os.fsdecode(source), os.fsdecode(target)
-            moved = {p: b + p[len(a) :] for p in self._dirty | self._synced.keys() if p == a or p.startswith(a + "/")}
+            moved = {
+                p: b + p[len(a) :]
+                for p in self._dirty | self._synced.keys()
+                if p == a or p.startswith(a + "/")
+            }
             self._dirty = {moved.get(p, p) for p in self._dirty - {b}}
             self._synced = {moved.get(p, p): size for p, size in self._synced.items() if p != b}
 

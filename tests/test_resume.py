@@ -4,27 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-import random
 import resource
 import shutil
-import signal
 import subprocess
-import sys
-import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numba
 import pytest
 
 from prelight.errors import InputError, InterruptedBakeError, OutputError
-from prelight.scene.geometry import Scene
 from prelight.storage.bake import Bake
 from prelight.storage.journal import BakeWriter, partial_folder
 
 from .disk import ERRORS, Disk, Killed, copy, quick_bake, tree
-from .scenes import ball_on_floor
 
 KILLS = int(os.environ.get("PRELIGHT_KILLS", "8"))  # of a real process
 THOROUGH = KILLS >= 200  # before a release: every step on the disk, not every second or third
@@ -53,6 +46,15 @@ def whole(tmp_path_factory) -> dict[str, str]:
 def other(tmp_path_factory) -> Path:
     """A bake of other settings, to be replaced."""
     return quick_bake(tmp_path_factory.mktemp("other") / "ball.prelight", tolerance=0.02).path
+
+
+def refusal(target: Path) -> OutputError | None:
+    """What the disk's refusal became; None if the bake could do without what failed."""
+    try:
+        quick_bake(target)
+    except OutputError as error:
+        return error
+    return None
 
 
 def is_one_line(error: Exception) -> bool:
@@ -103,12 +105,11 @@ def test_every_call_fails_once(tmp_path, whole):
     refused = 0
     for step in range(1, 2000, 1 if THOROUGH else 3):
         with Disk(tmp_path, at=step, error=ERRORS[step % len(ERRORS)]) as disk:
-            try:
-                quick_bake(target)
-            except OutputError as error:
-                assert error.exit_code == 3
-                assert is_one_line(error)
-                refused += 1
+            error = refusal(target)
+        if error:
+            assert error.exit_code == 3
+            assert is_one_line(error)
+            refused += 1
         if not disk.struck:
             break
         where = f"step {step}: {disk.calls[step - 1]}"
@@ -171,7 +172,9 @@ def test_torn_and_damaged_work_is_made_again(tmp_path, whole):
     partial = partial_folder(target)
     with Disk(tmp_path) as disk:
         quick_bake(target)
-    last = max(i for i, call in enumerate(disk.calls, 1) if call.endswith("journal.jsonl") and call[:5] == "fsync")
+    last = max(
+        i for i, call in enumerate(disk.calls, 1) if call.endswith("journal.jsonl") and call[:5] == "fsync"
+    )
     shutil.rmtree(target)
     for damage in ("torn", "flipped", "chunk", "gone", "short", "garbage", "nothing"):
         with Disk(tmp_path, at=last + 1), contextlib.suppress(Killed):
@@ -210,7 +213,9 @@ def test_the_bytes_do_not_depend_on_how_the_walk_was_cut(tmp_path, whole, block)
     shutil.rmtree(target)
     with Disk(tmp_path) as disk:
         quick_bake(target)
-    first = next(i for i, call in enumerate(disk.calls, 1) if call[:5] == "fsync" and call.endswith("journal.jsonl"))
+    first = next(
+        i for i, call in enumerate(disk.calls, 1) if call[:5] == "fsync" and call.endswith("journal.jsonl")
+    )
     shutil.rmtree(target)
     with Disk(tmp_path, at=first + 3), contextlib.suppress(Killed):
         quick_bake(target, replay=False, block=block)
@@ -225,11 +230,14 @@ def test_other_settings_are_refused(tmp_path, whole):
     with Disk(tmp_path) as disk:
         quick_bake(target)
     shutil.rmtree(target)
-    for step in (len(disk.calls) // 2, len(disk.calls) - 2):  # among the chunks, and with the manifest in place
+    for step in (
+        len(disk.calls) // 2,
+        len(disk.calls) - 2,
+    ):  # among the chunks, and with the manifest in place
         with Disk(tmp_path, at=step), contextlib.suppress(Killed):
             quick_bake(target)
         before = tree(partial_folder(target))
-        with pytest.raises(InputError, match=r"begun with tolerance = 0\.004, now 0\.02.*--force") as caught:
+        with pytest.raises(InputError, match=r"begun with tolerance = 0\.015, now 0\.02.*--force") as caught:
             quick_bake(target, resume=True, tolerance=0.02)
         assert caught.value.exit_code == 2
         assert is_one_line(caught.value)
@@ -247,7 +255,7 @@ def test_existing_output_is_untouched(tmp_path, other):
     target = copy(other, tmp_path / "ball.prelight")
     before, times = tree(target), {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")}
     for options in ({}, {"resume": True}):
-        with pytest.raises(OutputError, match="already exists.*--force"):
+        with pytest.raises(OutputError, match=r"already exists.*--force"):
             quick_bake(target, **options)
     assert tree(target) == before
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == times
@@ -299,37 +307,6 @@ def test_output_that_appears_meanwhile_is_not_replaced(tmp_path, whole, other, m
     assert tree(target) == whole
 
 
-HOLDER = """
-import sys, time
-from pathlib import Path
-from prelight.storage.journal import BakeWriter
-BakeWriter(Path(sys.argv[1]), settings={}, resume=True, force=False)
-print("held", flush=True)
-time.sleep(60)
-"""
-
-
-def test_two_writers_are_refused(tmp_path, whole):
-    """P8: in one process or two; a dead one's lock counts no longer."""
-    target = tmp_path / "ball.prelight"
-    mine = BakeWriter(target, settings={}, resume=False, force=False)
-    for options in ({"resume": True}, {"force": True}, {}):
-        with pytest.raises(OutputError, match="another process"):
-            quick_bake(target, **options)
-    mine.close()
-    with subprocess.Popen([sys.executable, "-c", HOLDER, str(target)], stdout=subprocess.PIPE) as holder:
-        assert holder.stdout.readline() == b"held\n"
-        before = tree(tmp_path)
-        for options in ({"resume": True}, {"force": True}, {}):
-            with pytest.raises(OutputError, match="another process"):
-                quick_bake(target, **options)
-        assert tree(tmp_path) == before
-        holder.kill()
-    quick_bake(target, force=True)
-    assert tree(target) == whole
-    assert [p.name for p in tmp_path.iterdir()] == ["ball.prelight"]
-
-
 def test_a_refused_bake_keeps_no_lock(tmp_path):
     target = tmp_path / "ball.prelight"
     BakeWriter(target, settings={"a": 1}, resume=False, force=False).close()
@@ -377,7 +354,9 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = shutil.which("mount")
-    made = mount and subprocess.run([mount, "-t", "tmpfs", "-o", "size=64k", "none", disk], capture_output=True)
+    made = mount and subprocess.run(
+        [mount, "-t", "tmpfs", "-o", "size=64k", "none", disk], capture_output=True, check=False
+    )
     if not made or made.returncode:
         pytest.skip("a small disk cannot be mounted here")
     try:
@@ -390,100 +369,3 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
         assert tree(target) == whole
     finally:
         subprocess.run(["umount", disk], check=True)
-
-
-BAKER = """
-import os, sys
-sys.path.insert(0, sys.argv[1])
-from prelight.baking.environment import bake_planned
-from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
-from tests.scenes import ball_on_floor
-
-scene = ball_on_floor()
-figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
-plan = EnvironmentPlan(
-    settings=EnvironmentSettings(resolution=24), receivers=len(scene.positions), triangles=len(scene.triangles),
-    tolerance=0.0135, lanes=1 << 18, block=48, **figures,
-)
-bake_planned(scene, sys.argv[2], plan=plan, resume=True, report=lambda *_: print("working", flush=True))
-print("done", flush=True)
-"""
-
-
-def bake_in_a_process(target: Path, *, until: float | None = None) -> float:
-    """Bake with the real renderer, or kill -9 the baker so many seconds after its first report; seconds it ran."""
-    command = [sys.executable, "-c", BAKER, str(ROOT), str(target)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as baker:
-        assert baker.stdout.readline()
-        started = time.perf_counter()
-        if until is not None:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                baker.wait(until)
-            baker.kill()
-        words = baker.stdout.read().split()
-        assert until is not None or words[-1] == "done"
-    return time.perf_counter() - started
-
-
-def killed_until_done(folder: Path, *, kills: int, seed: int, lasts: float) -> list[dict[str, str]]:
-    """Trees of the bakes that so many kills, at random times, fell upon."""
-    random_times = random.Random(seed)
-    trees = []
-    while kills:
-        target = folder / f"{seed}-{len(trees)}.prelight"
-        while kills and not target.exists():
-            bake_in_a_process(target, until=random_times.uniform(0, 0.7 * lasts))
-            kills -= 1
-        if not target.exists():
-            bake_in_a_process(target)
-        trees.append(tree(target))
-    return trees
-
-
-def test_kill_9_of_the_real_thing(tmp_path):
-    """P1: processes with their renderer's threads, killed at random times, two at a time."""
-    lasts = bake_in_a_process(tmp_path / "whole.prelight")
-    with ThreadPoolExecutor(2) as pool:
-        chains = [
-            pool.submit(killed_until_done, tmp_path, kills=-(-KILLS // 2), seed=seed, lasts=lasts) for seed in (1, 2)
-        ]
-        trees = [found for chain in chains for found in chain.result()]
-    assert trees == [tree(tmp_path / "whole.prelight")] * len(trees)
-
-
-def write_ply(path: Path, scene: Scene) -> Path:
-    head = ["ply", "format ascii 1.0", f"element vertex {len(scene.positions)}"]
-    head += [f"property float {axis}" for axis in "xyz"]
-    head += [f"element face {len(scene.triangles)}", "property list uchar int vertex_indices", "end_header"]
-    rows = [" ".join(map(str, p)) for p in scene.positions.tolist()]
-    rows += ["3 " + " ".join(map(str, t)) for t in scene.triangles.tolist()]
-    path.write_text("\n".join(head + rows) + "\n")
-    return path
-
-
-def test_ctrl_c_and_sigterm_of_the_command(tmp_path):
-    """P10: stops within five seconds, says how to go on, exit codes 130 and 143."""
-    mesh, target = write_ply(tmp_path / "ball.ply", ball_on_floor()), tmp_path / "ball.prelight"
-    command = [sys.executable, "-c", "from prelight.cli.main import main; main()", "bake", "environment"]
-    command += [str(mesh), "-o", str(target), "--resolution", "64", "--tolerance", "0.001"]
-    journal, done = partial_folder(target) / "journal.jsonl", 0
-    for stop, code, more in ((signal.SIGINT, 130, []), (signal.SIGTERM, 143, ["--resume"])):
-        with subprocess.Popen([*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as baker:
-            deadline = time.monotonic() + 60
-            while not journal.exists() or journal.read_bytes().count(b"\n") <= done + 1:
-                assert baker.poll() is None, baker.stderr.read()
-                assert time.monotonic() < deadline
-                time.sleep(0.02)
-            baker.send_signal(stop)
-            sent = time.monotonic()
-            _, complaint = baker.communicate()
-        assert time.monotonic() - sent < 5
-        assert baker.returncode == code
-        assert complaint.startswith("prelight: ")
-        assert complaint.count("\n") == 1
-        assert "--resume" in complaint
-        assert not target.exists()
-        kept = journal.read_bytes().count(b"\n") - 1
-        assert kept > done, "the work of the second run was lost"
-        done = kept
-    assert not list(tmp_path.glob(".*.lock"))

@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import njit, prange, types
 
 from ..encoding.sparse_tiles import GROUP, TILE, TILES
-from .vector_code import prefetch_tile, tile_product
+from .vector_code import prefetch, tile_product
 
 _product32 = tile_product(ir.FloatType())
 _product64 = tile_product(ir.DoubleType())
@@ -110,7 +110,8 @@ def _local_groups(addresses, first, present, column, start, index, weights, sums
             if g + _AHEAD < end:
                 soon = _tile_address(addresses, first, present, column[c], g + _AHEAD)
                 if soon:
-                    prefetch_tile(soon)
+                    for n in range(start[c], start[c + 1]):
+                        prefetch(soon + index[n] * GROUP)
             tile = _tile_address(addresses, first, present, column[c], g)
             if tile:
                 a = start[c]

@@ -13,9 +13,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from ..encoding.sparse_tiles import GROUP, TILE
+from ..encoding.sparse_tiles import GROUP
 
-_CACHE_LINE = 64
 _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
 
 
@@ -81,16 +80,16 @@ def tile_product(element: ir.Type) -> Callable:
 
 
 @intrinsic
-def prefetch_tile(typing_context, tile):
-    """Ask memory for a tile that is needed soon; ``tile`` is its address."""
+def prefetch(typing_context, address):
+    """Ask memory for the cache line at an address that is needed soon."""
 
     def code(context, builder, signature, arguments):
         pointer = _I8.as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer, _I32, _I32, _I32])
-        prefetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-        for line in range(0, TILE * GROUP, _CACHE_LINE):
-            place = builder.inttoptr(builder.add(arguments[0], ir.Constant(_I64, line)), pointer)
-            builder.call(prefetch, [place, _I32(0), _I32(3), _I32(1)])  # to read, keep, data
+        ask = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(
+            ask, [builder.inttoptr(arguments[0], pointer), _I32(0), _I32(3), _I32(1)]
+        )  # read, keep, data
         return context.get_dummy_value()
 
     return types.void(types.int64), code

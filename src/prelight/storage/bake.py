@@ -69,7 +69,7 @@ class Bake:
         return self.manifest.layers
 
     def array(self, name: str) -> np.ndarray:
-        """A whole array, read-only; in memory once if it has several chunks, else mapped."""
+        """A whole array, read-only and C-contiguous; in memory once if it has several chunks, else mapped."""
         spec = self.manifest.arrays.get(name)
         if spec is None:
             raise DamagedBakeError(self.path, f"array {name} is not in the manifest")
@@ -83,7 +83,8 @@ class Bake:
                 whole[
                     tuple(slice(i * c, (i + 1) * c) for i, c in zip(index, spec.chunk_shape, strict=True))
                 ] = chunk
-        values = whole[tuple(slice(0, n) for n in spec.shape)]
+        # Contiguous, whatever chunks a file is cut into: kernels follow addresses.
+        values = np.ascontiguousarray(whole[tuple(slice(0, n) for n in spec.shape)])
         values.flags.writeable = False
         return values
 
