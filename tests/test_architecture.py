@@ -56,7 +56,8 @@ def imported(path: Path) -> set[str]:
 
 def test_the_import_contract_is_kept() -> None:
     run = subprocess.run(
-        [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()", "--no-logo", "--no-cache"],
+        [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()",
+         "--no-logo", "--no-cache"],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,7 +57,8 @@ class Camera:
         if unknown := values.keys() - {"eye", "target", "up", "vertical_fov_deg"}:
             raise InputError(path, f"unknown camera field {sorted(unknown)[0]!r}")
         try:
-            return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+            fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+            return cls(**fields)
         except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, InputError):
                 raise

@@ -10,10 +10,14 @@ _LONGEST_MESSAGE = 290  # with the program's name before it, 300
 _LONGEST_NAME = 140
 
 
+def escaped(text: str) -> str:
+    """Control characters as escapes, so that a hostile name cannot steer a terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def printable(text: object) -> str:
-    """One line, control characters escaped, so that a hostile name cannot steer a terminal."""
-    start = str(text)[: _LONGEST_MESSAGE + 1]  # a name or value from a file may be megabytes
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in start)
+    """One line without control characters, cut where it becomes too long to read."""
+    line = escaped(str(text)[: _LONGEST_MESSAGE + 1])  # a name or value from a file may be megabytes
     return line if len(line) <= _LONGEST_MESSAGE else line[: _LONGEST_MESSAGE - 1] + "…"
 
 

@@ -14,7 +14,7 @@ def memory(text: str | None) -> int | None:
     """``4GB``, ``800 MB``, ``2GiB`` or a number of bytes."""
     if text is None:
         return None
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]*)\s*", text)
+    match = re.fullmatch(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*([A-Za-z]*)\s*", text)
     if not match or match[2].upper() not in _UNITS:
         raise InputError("--memory", f"{text!r}, expected a size such as 4GB or 800MB")
     return int(float(match[1]) * _UNITS[match[2].upper()])

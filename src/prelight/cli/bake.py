@@ -75,20 +75,16 @@ def environment(
     if not dry_run:
         refuse_target(target, force=force)
 
-    from ..baking.environment import bake_planned
-    from ..baking.environment_plan import EnvironmentSettings, plan_environment
-    from ..scene.loading import load_scene
-
-    settings = EnvironmentSettings(
-        resolution=resolution,
-        tolerance=tolerance,
-        epsilon=epsilon,
-        samples_per_side=samples_per_side,
-        memory=arguments.memory(memory),
-    )
+    budget = arguments.memory(memory)
     colour = None if albedo is None else arguments.colour("--albedo", albedo)
-    loaded = load_scene(scene, floor=floor, albedo=colour)
-    plan = plan_environment(loaded, settings)
+    with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
+        from ..baking.environment import bake_planned
+        from ..baking.environment_plan import EnvironmentSettings, plan_environment
+        from ..scene.loading import load_scene
+
+        settings = EnvironmentSettings(resolution, tolerance, epsilon, samples_per_side, budget)
+        loaded = load_scene(scene, floor=floor, albedo=colour)
+        plan = plan_environment(loaded, settings)
     if not json:
         for note in loaded.notes:
             printing.say(f"note: {note}")

@@ -84,7 +84,8 @@ def _baked(folder: Path, *, quiet: bool):
     except PrelightError:
         pass  # none yet, or one of an older version: it is ours, so it is made anew
     started = time.perf_counter()
-    plan = plan_environment(scene, EnvironmentSettings(resolution=RESOLUTION))
+    with printing.waiting("estimating the cost (the first time, compiling too)"):
+        plan = plan_environment(scene, EnvironmentSettings(resolution=RESOLUTION))
     if not quiet:
         printing.say(
             f"{SCENE}: {plan.receivers:,} receivers; baking {plan.rays / 1e9:.1f} G rays "

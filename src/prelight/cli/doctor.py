@@ -14,7 +14,7 @@ from cyclopts import Parameter
 from ..errors import PrelightError
 from . import printing
 
-_PACKAGES = ("prelight", "mitsuba", "drjit", "numba", "numpy", "OpenEXR", "trimesh")
+_PACKAGES = ("prelight", "mitsuba", "drjit", "numba", "numpy", "OpenEXR")
 
 
 def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
@@ -25,7 +25,8 @@ def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
     json
         Print one JSON object on standard output.
     """
-    found = _machine() | _llvm() | _speeds()
+    with printing.waiting("measuring"):
+        found = _machine() | _llvm() | _speeds()
     if json:
         printing.say_json(found)
         return

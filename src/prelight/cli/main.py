@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import signal
 import sys
@@ -13,9 +15,10 @@ from typing import NoReturn
 import cyclopts
 
 from ..errors import InterruptedBakeError, PrelightError, printable
+from ..files import explain
 from . import bake, demo, doctor, inspect, relight, verify
 
-EXIT_FAULT, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+EXIT_FAULT, EXIT_INPUT, EXIT_OUTPUT, EXIT_INTERRUPTED = 1, 2, 3, 130
 
 app = cyclopts.App(
     name="prelight",
@@ -51,6 +54,7 @@ def _terminate(_signal: int, _frame: FrameType | None) -> NoReturn:
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command and exit with its code."""
     signal.signal(signal.SIGTERM, _terminate)
+    _prepare_streams()
     sys.exit(run(sys.argv[1:] if arguments is None else list(arguments)))
 
 
@@ -61,6 +65,7 @@ def run(arguments: Sequence[str]) -> int:
         return 0
     try:
         app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
         return 0
     except cyclopts.CycloptsError as error:
         return _fail(" ".join(str(error).split()) + " (see prelight --help)", EXIT_INPUT)
@@ -73,9 +78,12 @@ def run(arguments: Sequence[str]) -> int:
         return _fail("stopped", 143)
     except KeyboardInterrupt:
         return _fail("interrupted", EXIT_INTERRUPTED)
-    except BrokenPipeError:
-        sys.stdout = None  # the reader went away, as `| head` does
+    except (BrokenPipeError, SystemExit):  # which rich makes of it, while it prints the help
+        _abandon_output()  # the reader went away, as `| head` does
         return 0
+    except OSError as error:
+        _abandon_output()
+        return _fail(f"{error.filename or 'standard output'}: {explain(error)}", EXIT_OUTPUT)
     except MemoryError:
         return _fail("out of memory; pass a smaller --memory, --resolution or --size", EXIT_INPUT)
     except Exception as error:
@@ -85,6 +93,24 @@ def run(arguments: Sequence[str]) -> int:
         )
 
 
+def _prepare_streams() -> None:
+    """A stream that the caller closed leads nowhere, lest the next file we open take its number; and a name
+    or a × that a terminal cannot show is no reason to fail."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _abandon_output() -> None:
+    """What is left in the buffer cannot be written: do not let the interpreter try again as it ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _fail(message: str, code: int) -> int:
-    sys.stderr.write(f"prelight: {printable(message)}\n")
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"prelight: {printable(message)}\n")
     return code

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from ..errors import printable
+from ..errors import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
 def say(text: str) -> None:
-    """A line for a person, on standard output."""
-    sys.stdout.write(text + "\n")
+    """Lines for a person, on standard output; whatever names are in them, a terminal stays as it is."""
+    sys.stdout.write("".join(escaped(line) + "\n" for line in text.split("\n")))
 
 
 def say_json(values: dict[str, Any]) -> None:
@@ -46,11 +46,24 @@ def table(rows: list[tuple[str, str]]) -> None:
     """Two columns, aligned."""
     width = max(len(name) for name, _ in rows)
     for name, value in rows:
-        say(f"{name:<{width}}  {printable(value)}")
+        say(f"{name:<{width}}  {escaped(value)}")
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float, float, int], None]]:
+def waiting(label: str) -> Generator[None]:
+    """A moving line on standard error while something takes a while that cannot be measured."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    with console.status(f"{label} …"):
+        yield
+
+
+@contextmanager
+def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
     """A bar on standard error; the yielded function takes fraction, seconds left and clusters."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn

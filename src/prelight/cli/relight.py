@@ -78,16 +78,17 @@ def relight(
     stops = arguments.exposure(exposure)
     behind = _background(background)
 
-    from ..lighting.rig import Rig
-    from ..relighting.relighter import Relighter
+    with printing.waiting("opening the bake and the light (the first time, compiling too)"):
+        from ..lighting.rig import Rig
+        from ..relighting.relighter import Relighter
 
-    light = Relighter(bake)
-    environment = Rig.open(rig, layout=layout).environment
-    environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
-    started = time.perf_counter()
-    light.environment = environment
-    resampled = (time.perf_counter() - started) * 1e3 - light.last.milliseconds
-    light.refresh()
+        light = Relighter(bake)
+        environment = Rig.open(rig, layout=layout).environment
+        environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
+        started = time.perf_counter()
+        light.environment = environment
+        resampled = (time.perf_counter() - started) * 1e3 - light.last.milliseconds
+        light.refresh()
     figures = {
         "milliseconds": light.last.milliseconds,
         "bytes_read": light.last.bytes_read,
