@@ -220,6 +220,35 @@ RAW: dict[str, bytes] = {
 }
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../outside",
+        "/outside",
+        "scene/../../outside",
+        "",
+        "a//b",
+        ".",
+        "a.b",
+        "a b",
+        "a\\b",
+        "a\0b",
+        "a\x1bb",
+    ],
+)
+def test_arrays_lie_inside_and_have_plain_names(bake, name):
+    """One more array, all there and whole: only its name is wrong."""
+
+    def add(document: dict) -> None:
+        document["arrays"][name] = document["arrays"]["scene/albedo"]
+        document["chunks"][f"{name}/c/0/0"] = document["chunks"]["scene/albedo/c/0/0"]
+
+    rewrite_manifest(bake, add)
+    error = refusal(lambda: Bake.open(bake))
+    assert isinstance(error, DamagedBakeError)
+    assert "plain words" in str(error)
+
+
 @pytest.mark.parametrize("text", RAW)
 def test_hostile_text(bake, text):
     (bake / NAME).write_bytes(RAW[text])
@@ -252,7 +281,7 @@ def test_numbers_that_json_should_not_have(bake):
     text = (bake / NAME).read_text()
     document = json.loads(text)
     del document["sha256"]
-    document["layers"]["environment"]["statistics"]["nonzero_share"] = float("inf")
+    document["layers"]["environment"]["statistics"]["tiles"] = float("inf")
     canonical = json.dumps(document, sort_keys=True, separators=(",", ":")).encode()
     forged = json.dumps(document | {"sha256": hashlib.sha256(canonical).hexdigest()}, sort_keys=True)
     for spelling in ("Infinity", "1e999"):

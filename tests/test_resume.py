@@ -14,6 +14,7 @@ import numba
 import pytest
 
 from prelight.errors import InputError, InterruptedBakeError, OutputError
+from prelight.files import publish
 from prelight.storage.bake import Bake
 from prelight.storage.journal import BakeWriter, partial_folder
 
@@ -259,6 +260,28 @@ def test_existing_output_is_untouched(tmp_path, other):
             quick_bake(target, **options)
     assert tree(target) == before
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*")} == times
+
+
+def test_a_file_is_replaced_whole(tmp_path):
+    """Pictures go the same way as chunks: killed or failing at any step, the old file or the new one is there."""
+    path, old, new = tmp_path / "picture.png", b"old" * 1000, b"new" * 2000
+    for step in range(1, 100):
+        for error in (None, *ERRORS):
+            path.write_bytes(old)
+            with (
+                Disk(tmp_path, at=step, error=error, power_cut=True) as disk,
+                contextlib.suppress(Killed, OutputError),
+            ):
+                publish(path, new)
+            assert path.read_bytes() in (old, new), disk.calls
+            if error:
+                assert os.listdir(tmp_path) == ["picture.png"], disk.calls
+            for leftover in tmp_path.glob(".*.tmp"):
+                leftover.unlink()
+        if not disk.struck:
+            break
+    assert step > 4
+    assert path.read_bytes() == new
 
 
 def test_force_replaces_bakes_only(tmp_path, other):

@@ -23,6 +23,7 @@ from .scenes import ball_on_floor
 
 KILLS = int(os.environ.get("PRELIGHT_KILLS", "6"))  # 200 before a release
 ROOT = Path(__file__).resolve().parents[1]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
 
 
 HOLDER = """
@@ -43,7 +44,9 @@ def test_two_writers_are_refused(tmp_path):
         with pytest.raises(OutputError, match="another process"):
             quick_bake(target, **options)
     mine.close()
-    with subprocess.Popen([sys.executable, "-c", HOLDER, str(target)], stdout=subprocess.PIPE) as holder:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(target)], stdout=subprocess.PIPE, env=ENVIRONMENT
+    ) as holder:
         assert holder.stdout.readline() == b"held\n"
         before = tree(tmp_path)
         for options in ({"resume": True}, {"force": True}, {}):
@@ -76,7 +79,7 @@ print("done", flush=True)
 def bake_in_a_process(target: Path, *, until: float | None = None) -> float:
     """Bake with the real renderer, or kill -9 the baker so many seconds after its first report; seconds it ran."""
     command = [sys.executable, "-c", BAKER, str(ROOT), str(target)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as baker:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as baker:
         assert baker.stdout.readline()
         started = time.perf_counter()
         if until is not None:
@@ -133,7 +136,7 @@ def test_ctrl_c_and_sigterm_of_the_command(tmp_path):
     journal, done = partial_folder(target) / "journal.jsonl", 0
     for stop, code, more in ((signal.SIGINT, 130, []), (signal.SIGTERM, 143, ["--resume"])):
         with subprocess.Popen(
-            [*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [*command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
         ) as baker:
             deadline = time.monotonic() + 60
             while not journal.exists() or journal.read_bytes().count(b"\n") <= done + 1:

@@ -41,7 +41,8 @@ light = pl.Relighter(bake)
 light.environment = pl.Environment.stock("sunset").rotated(30)
 np.save("radiance.npy", light.radiance)
 light.edit(2, slice(0, 2), slice(0, 2), np.array([9.0, 9.0, 9.0]))
-light.picture(width=64, height=36).save("notebook.png")
+for name in ("notebook.png", "notebook.exr"):
+    light.picture(width=64, height=36).save(name)
 rig = pl.Rig.open("stock:noon")
 loaded = {name.partition(".")[0] for name in sys.modules} & Without.names
 assert not loaded, loaded
@@ -69,23 +70,23 @@ def test_a_notebook_without_the_renderer(bake, tmp_path):
     ran = bare(NOTEBOOK, bake.path, folder=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert (tmp_path / "notebook.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "notebook.exr").read_bytes().startswith(b"v/1\x01")
+    assert (tmp_path / "radiance.npy").read_bytes().startswith(b"\x93NUMPY")
 
 
-@pytest.mark.parametrize(("name", "begins"), [("a.png", b"\x89PNG"), ("a.exr", b"v/1\x01"), ("a.npy", b"\x93NUMPY")])
-def test_relight_without_the_renderer(bake, tmp_path, name, begins):
+def test_relight_without_the_renderer(bake, tmp_path):
     ran = bare(
-        COMMAND, "relight", bake.path, "stock:sunset", "-o", name, "--size", "64x36", "--json", folder=tmp_path
+        COMMAND, "relight", bake.path, "stock:sunset", "-o", "a.png", "--size", "64x36", folder=tmp_path
     )
     assert ran.returncode == 0, ran.stderr
-    assert json.loads(ran.stdout)["receivers"] == len(bake.receivers)
-    assert (tmp_path / name).read_bytes().startswith(begins)
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_inspect_and_verify_without_the_renderer(bake, tmp_path):
-    for command in ("inspect", "verify"):
-        ran = bare(COMMAND, command, bake.path, "--json", folder=tmp_path)
-        assert ran.returncode == 0, ran.stderr
-        assert json.loads(ran.stdout)["path"] == str(bake.path)
+    both = "from prelight.cli.main import run; sys.exit(max(run([c, sys.argv[1]]) for c in ('inspect', 'verify')))"
+    ran = bare(both, bake.path, folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "whole" in ran.stdout
 
 
 def test_baking_says_how_to_get_the_rest(tmp_path):
@@ -95,7 +96,7 @@ def test_baking_says_how_to_get_the_rest(tmp_path):
     head = ["ply", "format ascii 1.0", "element vertex 3", *(f"property float {axis}" for axis in "xyz")]
     head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
     mesh.write_text("\n".join(head + rows) + "\n")
-    for more in ([], ["--dry-run"], ["--json"]):
+    for more in ([], ["--dry-run", "--json"]):
         ran = bare(COMMAND, "bake", "environment", mesh, "-o", "new.prelight", *more, folder=tmp_path)
         assert ran.returncode == 2
         assert not ran.stdout

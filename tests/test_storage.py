@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import resource
 import sys
 from dataclasses import replace
@@ -20,8 +21,9 @@ from hypothesis import strategies as st
 
 from prelight.baking.environment import bake_planned
 from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
+from prelight.bases.cube_map import solid_angles
 from prelight.errors import DamagedBakeError, InputError, OutputError
-from prelight.relighting.environment import EnvironmentLayer
+from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
 from prelight.storage.bake import Bake
 from prelight.storage.chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key, encode, open_chunk
 from prelight.storage.manifest import FORMAT, NAME, VERSION, LayerRecord, Manifest, SceneRecord
@@ -184,6 +186,21 @@ def test_zarr_python_reads_every_array(bake):
     assert group["layers/environment/tiles"]["00001"].shape[1:] == (16, 32)
 
 
+def test_the_format_is_specified(bake, rng):
+    """The reader that docs/bake-format.md gives in full, in place of somebody else's program."""
+    text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
+    theirs: dict = {}
+    exec(compile(code, "bake-format.md", "exec"), theirs)
+    light = EnvironmentRelighter(EnvironmentLayer(bake), bake.receivers.albedo)
+    cube = rng.random((6, RESOLUTION, RESOLUTION, 3)).astype(np.float32)
+    light.set_cube(cube)
+    radiance = theirs["radiance"](bake.path, cube, solid_angles(RESOLUTION))
+    np.testing.assert_allclose(light.radiance, radiance, atol=1e-6 * radiance.max())
+    for member in json.loads((bake.path / NAME).read_bytes()):
+        assert f"`{member}`" in text
+
+
 def test_two_bakes_are_the_same_bytes(bake, tmp_path):
     again = quick_bake(tmp_path / "again.prelight", replay=False)
     assert tree(again.path) == tree(bake.path)
@@ -284,7 +301,7 @@ def test_what_is_no_bake_is_said_so(tmp_path):
     (tmp_path / "file.prelight").write_bytes(b"x")
     (tmp_path / "empty.prelight").mkdir()
     for name in ("missing.prelight", "file.prelight", "n" * 300, "nul\0"):
-        with pytest.raises(InputError, match="no such bake"):
+        with pytest.raises(InputError, match="no such bake|expected a bake"):
             Bake.open(tmp_path / name)
     with pytest.raises(DamagedBakeError, match="never finished"):
         Bake.open(tmp_path / "empty.prelight")

@@ -78,11 +78,11 @@ class Camera:
         cls,
         positions: Positions,
         *,
-        azimuth_deg: float = 35,
-        elevation_deg: float = 18,
+        azimuth_deg: float = -30,
+        elevation_deg: float = 14,
         share: float = 0.9,
     ) -> Camera:
-        """A camera from the front right and a little above that sees all positions.
+        """A camera from the front left and a little above that sees all positions.
 
         They fill ``share`` of the height of a 16:9 picture, or of its width if they are wide.
         """

@@ -35,6 +35,8 @@ def refuse_existing(path: Path, *, force: bool) -> None:
         raise OutputError(path, "already exists; choose another name or pass --force to replace it")
     if not os.path.isdir(path.parent):
         raise OutputError(path, "there is no such folder to write it to; make it first")
+    if not os.access(path.parent, os.W_OK):
+        raise OutputError(path, "permission denied; choose a folder you may write to")
 
 
 def sync_folder(folder: Path) -> None:

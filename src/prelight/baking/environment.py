@@ -85,16 +85,18 @@ def bake_planned(
     """Carry out a plan of the same scene; otherwise as ``bake_environment``."""
     settings = plan.settings
     writer = BakeWriter(Path(path), settings=_identity(scene, settings), resume=resume, force=force)
-    started = time.perf_counter()
+    started, earlier = time.perf_counter(), sum(entry.get("seconds", 0.0) for entry in writer.entries)
     try:
         manifest = writer.complete or _LayerWriter(scene, settings, plan, writer, report).run()
         writer.publish(manifest)
     except KeyboardInterrupt as stop:
-        raise InterruptedBakeError(path, "stopped; run the same command with --resume to go on") from stop
+        kept = sum(len(entry["leaves"]) for entry in writer.entries)
+        reason = f"stopped with {kept:,} clusters kept; run the same command with --resume to go on"
+        raise InterruptedBakeError(path, reason) from stop
     finally:
         writer.close()
     bake = Bake.open(path)
-    bake.note_seconds(time.perf_counter() - started)
+    bake.note_seconds(earlier + time.perf_counter() - started)
     return bake
 
 
@@ -136,6 +138,7 @@ class _LayerWriter:
         self.scene, self.settings, self.plan, self.writer = scene, settings, plan, writer
         self.report = report or (lambda *_: None)
         self.receivers = len(scene.positions)
+        self.last_panel = time.perf_counter()
         self.order = receiver_order(scene.positions, scene.normals)
         self.chunks: dict[str, ChunkRecord] = {}
         self.arrays: dict[str, ArraySpec] = {}
@@ -203,9 +206,11 @@ class _LayerWriter:
             "rays": int(rays.sum()),
             "tiles": len(tiles),
             "nonzero": int(np.count_nonzero(columns)),
+            "seconds": time.perf_counter() - self.last_panel,  # in the journal alone, which is not published
             "chunks": {key: record.model_dump() for key, record in written.items()},
         }
         self.writer.append(entry)
+        self.last_panel = time.perf_counter()
 
     def _panel_specs(self, panels: int, clusters: int | None = None) -> dict[str, ArraySpec]:
         clusters = clusters or panels * PANEL

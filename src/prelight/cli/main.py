@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -33,6 +34,7 @@ Exit codes: 0 done, 1 a fault of Prelight, 2 bad input, 3 reading or writing fai
 130 interrupted.""",
     help_format="markdown",
     version_flags=["--version"],
+    suppress_keyboard_interrupt=False,  # Ctrl-C is ours to tell from SIGTERM, and to explain
 )
 app.command(demo.demo)
 app.command(bake.app, name="bake")
@@ -68,7 +70,8 @@ def run(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return 0
     except cyclopts.CycloptsError as error:
-        return _fail(" ".join(str(error).split()) + " (see prelight --help)", EXIT_INPUT)
+        chain = " ".join(("prelight", *(error.command_chain or ())))
+        return _fail(" ".join(str(error).split()) + f" (see {chain} --help)", EXIT_INPUT)
     except InterruptedBakeError as error:
         code = 143 if isinstance(error.__cause__, _Terminated) else error.exit_code
         return _fail(str(error), code)
@@ -99,7 +102,7 @@ def _prepare_streams() -> None:
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         stream = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  (for good)
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -49,6 +50,11 @@ def table(rows: list[tuple[str, str]]) -> None:
         say(f"{name:<{width}}  {escaped(value)}")
 
 
+# Where there is no terminal to draw a bar on: a line now and then, once it takes long.
+_LINE_EVERY = 0.1  # of the work
+_SILENCE = 10.0  # seconds
+
+
 @contextmanager
 def waiting(label: str) -> Generator[None]:
     """A moving line on standard error while something takes a while that cannot be measured."""
@@ -75,6 +81,7 @@ def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
         TextColumn("{task.fields[note]}"),
     ]
     console = Console(stderr=True)
+    shown, began = 0.0, time.monotonic()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=1.0, note="")
 
@@ -85,5 +92,10 @@ def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
                 else f"{clusters:,} clusters"
             )
             progress.update(task, completed=fraction, note=note)
+            nonlocal shown
+            late = time.monotonic() - began > _SILENCE
+            if late and not console.is_terminal and fraction - shown >= _LINE_EVERY:
+                shown = fraction
+                sys.stderr.write(f"{label}: {fraction:.0%}, {note}\n")
 
         yield report

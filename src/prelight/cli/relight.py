@@ -48,7 +48,7 @@ def relight(
     layout
         How the map is folded: latlong, angular or cross; recognised by its proportions if not given.
     rotate
-        Turn the environment about +Y, degrees counter-clockwise seen from above.
+        Turn the environment about +Y, degrees counter-clockwise seen from above; adds to a rig's own turn.
     scale
         Factor of the environment's radiance.
     tint
@@ -58,9 +58,9 @@ def relight(
     size
         Width and height of the picture.
     background
-        environment (the map behind the scene), none, or a linear colour such as 0.1,0.1,0.12.
+        environment (the map behind the scene), none (black), or a linear colour such as 0.1,0.1,0.12.
     exposure
-        auto, or stops.
+        Stops for .png, or auto; auto+0.5 is half a stop brighter. An .exr stays linear, as radiance.
     curve
         Tone curve of .png: filmic or linear.
     force
@@ -75,7 +75,7 @@ def relight(
             raise InputError(output, "expected a name ending in .png, .exr or .npy")
         refuse_existing(output, force=force)
     width, height = arguments.picture_size(size)
-    stops = arguments.exposure(exposure)
+    metered, stops = arguments.exposure(exposure)
     behind = _background(background)
 
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
@@ -83,6 +83,7 @@ def relight(
         from ..relighting.relighter import Relighter
 
         light = Relighter(bake)
+        eye = _camera(light, camera)
         environment = Rig.open(rig, layout=layout).environment
         environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
         started = time.perf_counter()
@@ -102,7 +103,9 @@ def relight(
 
         write_npy(output, light.radiance)
     elif output is not None:
-        picture = light.picture(_camera(light, camera), width=width, height=height, background=behind)
+        picture = light.picture(eye, width=width, height=height, background=behind)
+        stops += picture.stops("auto") if metered else 0.0
+        figures["exposure_stops"] = stops
         picture.save(output, force=force, exposure=stops, curve=curve)
     if json:
         printing.say_json(figures)
@@ -111,13 +114,20 @@ def relight(
         f"relit {figures['receivers']:,} receivers in {figures['milliseconds']:.1f} ms "
         f"({printing.size(figures['bytes_read'])} read; the map was resampled in {resampled:.0f} ms)"
         + (f"\n{output}" if output is not None else "")
+        + (f", exposure {stops:+.2f} stops" if output is not None and output.suffix.lower() == ".png" else "")
     )
 
 
 def _background(text: str) -> str | tuple[float, float, float] | None:
     if text == "environment":
         return text
-    return None if text == "none" else arguments.colour("--background", text)
+    if text == "none":
+        return None
+    if text[:1].isalpha():
+        raise InputError(
+            "--background", f"{text!r}, expected environment, none or a linear colour such as 0.1,0.1,0.12"
+        )
+    return arguments.colour("--background", text)
 
 
 def _camera(light: Relighter, camera: str | None):

@@ -11,8 +11,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ..errors import InputError
 from ..files import read_regular
 from .environment import STOCK_PREFIX, Environment
+from .sky import STOCK_SKIES
 
 _LARGEST_FILE = 1_000_000
+_IN_WORDS = {
+    "extra_forbidden": "not known; a rig has a table [environment] of map, layout, rotate_deg, scale and tint",
+    "missing": "missing; a rig has a table [environment] with at least map",
+    "tuple_type": "expected three numbers such as [1.0, 0.9, 0.8]",
+}
 
 
 class _EnvironmentTable(BaseModel):
@@ -41,6 +47,8 @@ class Rig:
 
         A map named in a rig file is looked for beside it. Raises InputError.
         """
+        if source in STOCK_SKIES and not Path(source).exists():
+            raise InputError(source, f"no such file; did you mean {STOCK_PREFIX}{source}?")
         if source.startswith(STOCK_PREFIX) or not source.lower().endswith(".toml"):
             return cls(Environment.open(source, layout))
         path = Path(source)
@@ -49,9 +57,8 @@ class Rig:
             table = _RigFile.model_validate(document).environment
         except ValidationError as error:
             first = error.errors()[0]
-            raise InputError(
-                path, first["msg"].lower(), "/" + "/".join(str(part) for part in first["loc"])
-            ) from None
+            where = "/" + "/".join(str(part) for part in first["loc"])
+            raise InputError(path, _IN_WORDS.get(first["type"], first["msg"].lower()), where) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(path, f"not a TOML rig: {error}") from None
         if "\x00" in table.map:

@@ -51,7 +51,7 @@ def with_floor(scene: Scene, scale: float, *, albedo: tuple[float, float, float]
     up = np.tile(np.array([0, 1, 0], np.float32), (len(grid), 1))
     return replace(
         scene,
-        cameras=scene.cameras or {"model": Camera.framing(used.astype(np.float32), share=0.6)},
+        cameras=scene.cameras or {"model": Camera.framing(used.astype(np.float32), share=0.7)},
         positions=np.concatenate([scene.positions, positions]),
         normals=np.concatenate([scene.normals, up]),
         triangles=np.concatenate([scene.triangles, _grid_triangles() + np.int32(len(scene.positions))]),

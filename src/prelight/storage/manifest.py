@@ -90,7 +90,7 @@ class Manifest(_Strict):
         """Read and distrust: raises InputError for what is no bake, DamagedBakeError for a broken one."""
         path = root / NAME
         if not os.path.isdir(root):
-            raise InputError(root, "no such bake; expected a folder NAME.prelight")
+            raise InputError(root, _why_no_bake(root))
         if not os.path.isfile(path):
             raise DamagedBakeError(root, "has no manifest.json: not a bake, or one that was never finished")
         try:
@@ -120,21 +120,18 @@ class Manifest(_Strict):
         for name, spec in self.arrays.items():
             if problem := _array_problem(name, spec):
                 raise DamagedBakeError(root, f"array {name!r}: {problem}")
-        # Before any key is built: a shape can claim more chunks than there is memory for their names.
-        surplus = len(self.chunks) - sum(math.prod(spec.grid()) for spec in self.arrays.values())
-        for name, spec in self.arrays.items() if surplus >= 0 else ():
-            for index in spec.chunk_indices():
+        counted = 0
+        for name, spec in self.arrays.items():
+            for index in spec.chunk_indices():  # ends at the first that is missing, whatever a shape claims
                 key = chunk_key(name, index)
                 if key not in self.chunks:
                     raise DamagedBakeError(root, f"chunk {key} is not in the manifest")
                 if self.chunks[key].size != spec.chunk_bytes():
                     claimed = f"chunk {key}: {self.chunks[key].size} bytes do not fit its shape"
                     raise DamagedBakeError(root, claimed)
-        if surplus:
-            less = (
-                "names chunks that no array has" if surplus > 0 else "does not name all chunks of its arrays"
-            )
-            raise DamagedBakeError(root, f"the manifest {less}")
+                counted += 1
+        if counted != len(self.chunks):
+            raise DamagedBakeError(root, "the manifest names chunks that no array has")
         if problem := self._scene_problem() or self._layer_problem():
             raise DamagedBakeError(root, problem)
 
@@ -157,6 +154,14 @@ class Manifest(_Strict):
                 if not isinstance(value, int | float) or not 0 <= value <= _LARGEST_ARRAY:
                     return f"layer {name!r} does not say its {number}"
         return None
+
+
+def _why_no_bake(root: Path) -> str:
+    if root.name and os.path.isdir(root.with_name(root.name + ".partial")):
+        return "this bake is not finished; run its prelight bake command again with --resume"
+    if os.path.isfile(root):
+        return "a file, expected a bake, a folder NAME.prelight; a mesh is first baked: prelight bake environment"
+    return "no such bake; expected a folder NAME.prelight"
 
 
 def _array_problem(name: str, spec: ArraySpec) -> str | None:
