@@ -301,7 +301,7 @@ def test_what_is_no_bake_is_said_so(tmp_path):
     (tmp_path / "file.prelight").write_bytes(b"x")
     (tmp_path / "empty.prelight").mkdir()
     for name in ("missing.prelight", "file.prelight", "n" * 300, "nul\0"):
-        with pytest.raises(InputError, match="no such bake|expected a bake"):
+        with pytest.raises(InputError, match=r"no such bake|expected a bake"):
             Bake.open(tmp_path / name)
     with pytest.raises(DamagedBakeError, match="never finished"):
         Bake.open(tmp_path / "empty.prelight")
