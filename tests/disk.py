@@ -131,7 +131,7 @@ def light_of(path: Path) -> np.ndarray:
 
 
 def refusal(act: Callable[[], object]) -> PrelightError | None:
-    """The one-line error of an act that takes under a second's work and little memory; None if it succeeds."""
+    """The one-line error of an act that takes little work and little memory; None if it succeeds."""
     tracemalloc.start()
     started, worked = time.perf_counter(), time.thread_time()
     try:
@@ -141,7 +141,7 @@ def refusal(act: Callable[[], object]) -> PrelightError | None:
         error = refused
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert time.thread_time() - worked < 1
+    assert time.thread_time() - worked < 3  # tracemalloc alone makes it several times slower
     assert time.perf_counter() - started < 10  # a busy machine; a pipe would block for ever
     assert peak < 64e6, f"{peak / 1e6:.0f} MB"
     if error is not None:

@@ -50,6 +50,10 @@ def timed(act: Callable[[], object]) -> Callable[[], float]:
     return run
 
 
+def mean_of(act: Callable[[], float], count: int) -> Callable[[], float]:
+    return lambda: statistics.fmean(act() for _ in range(count))
+
+
 def bake(scene: pl.Scene, work: Path) -> tuple[pl.Bake, dict]:
     settings = EnvironmentSettings(resolution=256, epsilon=5e-5)
     path = work / "bunny.prelight"
