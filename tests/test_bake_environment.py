@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from prelight.baking import environment_plan
 from prelight.baking.clustering import ClusterTest, cluster_lights
 from prelight.baking.environment import bake_environment, bake_planned
 from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
 from prelight.bases.cube_map import texel_directions
 from prelight.bases.quadtree import LeafCover
 from prelight.checking.statistics import agreement, sidak_z
-from prelight.errors import InputError
+from prelight.errors import InputError, OutputError
 from prelight.lighting.environment import Environment
 from prelight.relighting.relighter import Relighter
 from prelight.transport.exact import integrate_exactly
@@ -235,3 +237,19 @@ def test_settings_out_of_range_are_refused(options, name):
 def test_sidaks_z():
     assert sidak_z(1, alpha=0.05) == pytest.approx(1.959964, abs=1e-5)
     assert sidak_z(1000) > sidak_z(10) > 2.5
+
+
+def test_a_disk_that_is_too_small_is_said_before_any_ray(tmp_path, monkeypatch):
+    scene = plane()
+    plan = plan_environment(scene, EnvironmentSettings(resolution=4))
+    full = shutil.disk_usage(tmp_path)._replace(free=plan.bytes // 2)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: full)
+    with pytest.raises(OutputError, match="are free"):
+        bake_planned(scene, tmp_path / "a.prelight", plan=plan)
+    assert not list(tmp_path.iterdir())
+
+
+def test_more_clusters_than_a_manifest_lists_are_refused(monkeypatch):
+    monkeypatch.setattr(environment_plan, "MOST_CLUSTERS", 10)
+    with pytest.raises(InputError, match="clusters"):
+        plan_environment(ball_on_floor(side=9, rings=6), EnvironmentSettings(resolution=8))

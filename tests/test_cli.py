@@ -17,7 +17,7 @@ import pytest
 
 from prelight.camera import Camera
 from prelight.cli import bake as bake_command
-from prelight.cli import demo, doctor, relight, verify
+from prelight.cli import demo, doctor, main, relight, verify
 from prelight.cli import inspect as inspect_command
 from prelight.cli.main import run
 from prelight.lighting.rig import Rig
@@ -231,7 +231,8 @@ def test_a_fault_of_ours_is_one_line_too(prelight, workshop, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("raised", "code"), [(KeyboardInterrupt, 130), (MemoryError, 2), (OSError(5, "bad"), 3)]
+    ("raised", "code"),
+    [(KeyboardInterrupt, 130), (main._Terminated, 143), (MemoryError, 2), (OSError(5, "bad"), 3)],
 )
 def test_what_may_happen_anywhere(prelight, workshop, monkeypatch, raised, code):
     def broken(self):

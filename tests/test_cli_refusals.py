@@ -170,6 +170,8 @@ def test_outputs_that_cannot_be(prelight, workshop, tmp_path, monkeypatch):
         is_refusal(prelight("bake", "environment", mesh, "-o", output, "--resolution", "4", "--json"), 3)
     for output in ("nowhere/new.png", "/proc/new.png", "file/new.png", "n" * 300 + ".png"):
         is_refusal(prelight("relight", bake, "stock:noon", "-o", output, "--size", "8x8"), 3)
+    for folder in ("file", "file/demo", "/proc/demo"):
+        is_refusal(prelight("demo", "-o", folder), 3)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 

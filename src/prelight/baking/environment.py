@@ -8,6 +8,7 @@ is written panel by panel as clusters are found, in an order that does not depen
 from __future__ import annotations
 
 import platform
+import shutil
 import time
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
@@ -17,11 +18,11 @@ import numpy as np
 
 from ..bases.quadtree import LeafCover
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, encode_panel, groups_of
-from ..errors import InterruptedBakeError
+from ..errors import InterruptedBakeError, OutputError
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.chunks import ArraySpec, ChunkRecord
-from ..storage.journal import BakeWriter, refuse_target
+from ..storage.journal import BakeWriter, partial_folder, refuse_target
 from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest, SceneRecord
 from ..transport.ordering import receiver_order
 from ..transport.visibility import Visibility
@@ -29,6 +30,7 @@ from .clustering import cluster_lights
 from .environment_plan import EnvironmentPlan, EnvironmentSettings, plan_environment
 
 LAYER = "layers/environment"
+_DISK_MARGIN = 1.1  # the plan is an estimate
 Report = Callable[[float, float, int], None]  # fraction done, seconds left, clusters so far
 
 
@@ -84,6 +86,7 @@ def bake_planned(
 ) -> Bake:
     """Carry out a plan of the same scene; otherwise as ``bake_environment``."""
     settings = plan.settings
+    _check_disk(Path(path), plan)
     writer = BakeWriter(Path(path), settings=_identity(scene, settings), resume=resume, force=force)
     started, earlier = time.perf_counter(), sum(entry.get("seconds", 0.0) for entry in writer.entries)
     try:
@@ -98,6 +101,18 @@ def bake_planned(
     bake = Bake.open(path)
     bake.note_seconds(earlier + time.perf_counter() - started)
     return bake
+
+
+def _check_disk(path: Path, plan: EnvironmentPlan) -> None:
+    """Raises OutputError if the bake will not fit: better before hours of rays than after."""
+    try:
+        free = shutil.disk_usage(path.absolute().parent).free
+    except OSError:
+        return  # what is wrong with the folder is said where it is written to
+    kept = sum(file.stat().st_size for file in partial_folder(path).rglob("*") if file.is_file())
+    if free + kept < _DISK_MARGIN * plan.bytes:
+        reason = f"about {plan.bytes / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
+        raise OutputError(path, reason + "; free some space or choose another disk")
 
 
 def _identity(scene: Scene, settings: EnvironmentSettings) -> dict:

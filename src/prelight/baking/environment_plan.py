@@ -24,6 +24,7 @@ from ..transport.ordering import receiver_order
 from ..transport.visibility import BYTES_PER_LANE, MAX_LANES, Visibility
 from .clustering import ClusterTest, cluster_lights
 
+MOST_CLUSTERS = 4_000_000  # what the manifest of a bake can list
 DEFAULT_TOLERANCE = 0.0135  # the Bunny of the paper at ε = 5e-5
 _PROCESS_BYTES = 290_000_000  # Python, the renderer and its compiler, measured
 _BYTES_PER_TRIANGLE = 200  # of the renderer's tree, measured
@@ -143,6 +144,11 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
         leaves.append(group.leaves)
         rays, lanes_traced, nodes = progress.rays, progress.lanes, progress.nodes_tested
     found = np.concatenate(leaves)
+    if len(found) > MOST_CLUSTERS:
+        reason = (
+            f"{settings.tolerance_for(R):g} needs about {len(found):,} clusters, {MOST_CLUSTERS:,} at most"
+        )
+        raise InputError("tolerance", reason + "; choose a larger one or a smaller --resolution")
 
     scale = R / pilot
     all_ = Visibility(scene.positions, scene.triangles, origins=positions, normals=normals)
