@@ -107,9 +107,9 @@ def _check_disk(path: Path, plan: EnvironmentPlan) -> None:
     """Raises OutputError if the bake will not fit: better before hours of rays than after."""
     try:
         free = shutil.disk_usage(path.absolute().parent).free
-    except OSError:
+        kept = sum(file.stat().st_size for file in partial_folder(path).rglob("*") if file.is_file())
+    except (OSError, ValueError):
         return  # what is wrong with the folder is said where it is written to
-    kept = sum(file.stat().st_size for file in partial_folder(path).rglob("*") if file.is_file())
     if free + kept < _DISK_MARGIN * plan.bytes:
         reason = f"about {plan.bytes / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
         raise OutputError(path, reason + "; free some space or choose another disk")
