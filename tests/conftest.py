@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import numpy as np
 import pytest
+
+if TYPE_CHECKING:
+    from .workshop import Answer
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -35,3 +40,26 @@ def data() -> Path:
 def rng() -> np.random.Generator:
     """The same random numbers in every run and order of tests."""
     return np.random.default_rng(20260101)
+
+
+@pytest.fixture
+def prelight(capfd) -> Callable[..., Answer]:
+    """Run a command in this process; what it printed, by Python or below it."""
+    from prelight.cli.main import run
+
+    from .workshop import Answer
+
+    def call(*arguments: str | Path) -> Answer:
+        capfd.readouterr()
+        code = run([str(a) for a in arguments])
+        return Answer(code, *capfd.readouterr())
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory) -> Path:
+    """A folder of good and bad inputs for the command line."""
+    from .workshop import make_workshop
+
+    return make_workshop(tmp_path_factory.mktemp("workshop"))

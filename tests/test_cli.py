@@ -8,7 +8,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from prelight.storage.bake import Bake
 
 from . import disk
 from .disk import copy, quick_bake
-from .workshop import Answer, is_refusal, make_workshop
+from .workshop import Answer, assert_refusal
 
 ROOT = Path(__file__).resolve().parents[1]
 FUNCTIONS = {
@@ -38,23 +37,6 @@ FUNCTIONS = {
     "doctor": doctor.doctor,
 }
 COMMANDS = ("", "bake", *FUNCTIONS)
-
-
-@pytest.fixture
-def prelight(capfd) -> Callable[..., Answer]:
-    """Run a command in this process; what it printed, by Python or below it."""
-
-    def call(*arguments: str | Path) -> Answer:
-        capfd.readouterr()
-        code = run([str(a) for a in arguments])
-        return Answer(code, *capfd.readouterr())
-
-    return call
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory) -> Path:
-    return make_workshop(tmp_path_factory.mktemp("workshop"))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -113,7 +95,7 @@ def test_a_bake_from_end_to_end(prelight, workshop, tmp_path):
             prelight("relight", target, workshop / "good.toml", "-o", tmp_path / name, *camera, "--json")
         )
         assert (tmp_path / name).read_bytes().startswith(begins)
-    is_refusal(prelight("bake", "environment", mesh, "-o", target, "--json"), 3, "--force")
+    assert_refusal(prelight("bake", "environment", mesh, "-o", target, "--json"), 3, "--force")
 
 
 def test_words_for_people(prelight, workshop, tmp_path):
@@ -177,7 +159,7 @@ def test_cameras_of_a_bake(prelight, workshop, tmp_path, monkeypatch):
         )
         pictures.add(output.read_bytes())
     assert len(pictures) == 2
-    is_refusal(
+    assert_refusal(
         prelight("relight", bake, "stock:noon", "-o", tmp_path / "x.png", "--camera", "back"), 2, "front, top"
     )
 

@@ -2,32 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
 
-from prelight.cli.main import run
-
 from .disk import copy, tree
-from .workshop import MESHES, Answer, is_refusal, make_workshop
-
-
-@pytest.fixture
-def prelight(capfd) -> Callable[..., Answer]:
-    """Run a command in this process; what it printed, by Python or below it."""
-
-    def call(*arguments: str | Path) -> Answer:
-        capfd.readouterr()
-        code = run([str(a) for a in arguments])
-        return Answer(code, *capfd.readouterr())
-
-    return call
-
-
-@pytest.fixture(scope="module")
-def workshop(tmp_path_factory) -> Path:
-    return make_workshop(tmp_path_factory.mktemp("workshop"))
+from .workshop import MESHES, assert_refusal
 
 
 @pytest.mark.parametrize(
@@ -35,7 +13,7 @@ def workshop(tmp_path_factory) -> Path:
 )
 def test_bad_scenes(prelight, workshop, tmp_path, name):
     scene = name if name.startswith("stock:") else workshop / name
-    is_refusal(prelight("bake", "environment", scene, "-o", tmp_path / "new.prelight"), 2)
+    assert_refusal(prelight("bake", "environment", scene, "-o", tmp_path / "new.prelight"), 2)
     assert not list(tmp_path.iterdir())
 
 
@@ -59,7 +37,7 @@ def test_bad_options_of_bake(prelight, workshop, tmp_path, option, value):
     answer = prelight(
         "bake", "environment", workshop / "ball.ply", "-o", tmp_path / "new.prelight", option, value
     )
-    is_refusal(answer, 2)
+    assert_refusal(answer, 2)
     assert not list(tmp_path.iterdir())
 
 
@@ -68,9 +46,9 @@ def test_tolerance_and_epsilon_exclude_each_other(prelight, workshop, tmp_path):
     answer = prelight(
         "bake", "environment", workshop / "ball.ply", "-o", target, "--tolerance", ".1", "--epsilon", ".1"
     )
-    is_refusal(answer, 2, "--tolerance", "--epsilon")
+    assert_refusal(answer, 2, "--tolerance", "--epsilon")
     answer = prelight("bake", "environment", workshop / "ball.ply", "-o", target, "--memory", "9" * 400)
-    is_refusal(answer, 2, "--memory")
+    assert_refusal(answer, 2, "--memory")
 
 
 BAD_LIGHTS = [
@@ -84,7 +62,7 @@ BAD_LIGHTS = [
 @pytest.mark.parametrize("name", BAD_LIGHTS)
 def test_bad_lights(prelight, workshop, tmp_path, name):
     light = name if name.startswith("stock:") else workshop / name
-    is_refusal(prelight("relight", workshop / "ball.prelight", light, "-o", tmp_path / "new.png"), 2)
+    assert_refusal(prelight("relight", workshop / "ball.prelight", light, "-o", tmp_path / "new.png"), 2)
     assert not list(tmp_path.iterdir())
 
 
@@ -111,7 +89,7 @@ def test_bad_options_of_relight(prelight, workshop, tmp_path, monkeypatch, optio
     monkeypatch.chdir(tmp_path)
     output = [] if option == "-o" else ["-o", "new.png"]
     answer = prelight("relight", workshop / "ball.prelight", workshop / "good.exr", *output, option, value)
-    is_refusal(answer, 2)
+    assert_refusal(answer, 2)
     assert not list(tmp_path.iterdir())
 
 
@@ -128,7 +106,7 @@ def test_bad_cameras(prelight, workshop, tmp_path, name):
     answer = prelight(
         "relight", workshop / "ball.prelight", "stock:noon", "-o", output, "--camera", workshop / name
     )
-    is_refusal(answer, 2)
+    assert_refusal(answer, 2)
     assert not output.exists()
 
 
@@ -143,7 +121,7 @@ NOT_COMMANDS = [
 @pytest.mark.parametrize("arguments", NOT_COMMANDS, ids=repr)
 def test_bad_commands(prelight, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
-    is_refusal(prelight(*arguments), 2)
+    assert_refusal(prelight(*arguments), 2)
     assert not list(tmp_path.iterdir())
 
 
@@ -151,10 +129,12 @@ def test_damaged_bakes_have_a_code_of_their_own(prelight, workshop, tmp_path):
     bake = copy(workshop / "ball.prelight", tmp_path / "ball.prelight")
     chunk = bake / "layers/environment/tiles/00001/c/0/0/0"
     chunk.write_bytes(bytes([chunk.read_bytes()[0] ^ 1]) + chunk.read_bytes()[1:])
-    is_refusal(prelight("verify", bake), 4, "layers/environment/tiles/00001/c/0/0/0")
-    is_refusal(prelight("relight", bake, "stock:noon", "--json"), 4, "layers/environment/tiles/00001/c/0/0/0")
+    assert_refusal(prelight("verify", bake), 4, "layers/environment/tiles/00001/c/0/0/0")
+    assert_refusal(
+        prelight("relight", bake, "stock:noon", "--json"), 4, "layers/environment/tiles/00001/c/0/0/0"
+    )
     (bake / "manifest.json").unlink()
-    is_refusal(prelight("inspect", bake), 4, "manifest.json")
+    assert_refusal(prelight("inspect", bake), 4, "manifest.json")
 
 
 def test_outputs_that_cannot_be(prelight, workshop, tmp_path, monkeypatch):
@@ -167,11 +147,11 @@ def test_outputs_that_cannot_be(prelight, workshop, tmp_path, monkeypatch):
         "file/new.prelight",
         "n" * 300 + ".prelight",
     ):
-        is_refusal(prelight("bake", "environment", mesh, "-o", output, "--resolution", "4", "--json"), 3)
+        assert_refusal(prelight("bake", "environment", mesh, "-o", output, "--resolution", "4", "--json"), 3)
     for output in ("nowhere/new.png", "/proc/new.png", "file/new.png", "n" * 300 + ".png"):
-        is_refusal(prelight("relight", bake, "stock:noon", "-o", output, "--size", "8x8"), 3)
+        assert_refusal(prelight("relight", bake, "stock:noon", "-o", output, "--size", "8x8"), 3)
     for folder in ("file", "file/demo", "/proc/demo"):
-        is_refusal(prelight("demo", "-o", folder), 3)
+        assert_refusal(prelight("demo", "-o", folder), 3)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
@@ -179,7 +159,7 @@ def test_a_folder_that_may_not_be_written_is_found_out_first(prelight, workshop,
     """Before the scene is read: root may write anywhere, so the answer of the system is made up here."""
     monkeypatch.setattr("prelight.files.os.access", lambda *_: False)
     answer = prelight("bake", "environment", workshop / "missing.ply", "-o", tmp_path / "new.prelight")
-    is_refusal(answer, 3, "permission denied")
+    assert_refusal(answer, 3, "permission denied")
 
 
 def test_existing_outputs_are_untouched(prelight, workshop, tmp_path):
@@ -187,17 +167,19 @@ def test_existing_outputs_are_untouched(prelight, workshop, tmp_path):
     picture = tmp_path / "picture.png"
     picture.write_bytes(b"dear")
     before = tree(tmp_path)
-    is_refusal(prelight("bake", "environment", workshop / "ball.ply", "-o", bake), 3, "--force")
-    is_refusal(prelight("bake", "environment", workshop / "ball.ply", "-o", bake, "--resume"), 3, "--force")
-    is_refusal(
+    assert_refusal(prelight("bake", "environment", workshop / "ball.ply", "-o", bake), 3, "--force")
+    assert_refusal(
+        prelight("bake", "environment", workshop / "ball.ply", "-o", bake, "--resume"), 3, "--force"
+    )
+    assert_refusal(
         prelight("bake", "environment", workshop / "ball.ply", "-o", picture, "--force"), 3, "not a bake"
     )
-    is_refusal(
+    assert_refusal(
         prelight("bake", "environment", workshop / "ball.ply", "-o", tmp_path, "--force"), 3, "not a bake"
     )
     for output in (picture, picture.with_suffix(".PNG")):
         if output.exists():
-            is_refusal(prelight("relight", bake, "stock:noon", "-o", output), 3, "--force")
+            assert_refusal(prelight("relight", bake, "stock:noon", "-o", output), 3, "--force")
     assert tree(tmp_path) == before
     assert prelight("relight", bake, "stock:noon", "-o", picture, "--size", "8x8", "--force").code == 0
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -22,7 +22,7 @@ class Answer:
     err: str
 
 
-def is_refusal(answer: Answer, code: int, *words: str) -> None:
+def assert_refusal(answer: Answer, code: int, *words: str) -> None:
     """One line that names what is wrong; nothing on standard output."""
     assert answer.code == code, answer
     assert answer.out == ""
