@@ -121,6 +121,8 @@ def test_tiles_give_back_every_byte(clusters, receivers, rng):
     columns[:, receivers // 2 :] *= rng.integers(0, 2, (clusters, 1), dtype=np.uint8)
     columns[: clusters // 2] *= columns[: clusters // 2] > 250
     columns[16:32, :32] = 0
+    columns[32:48, :32] = 0
+    columns[40:41, 5:6] = 1  # the least that is not zero keeps its tile
     tiles, present = sparse_tiles.encode_panel(columns)
     np.testing.assert_array_equal(sparse_tiles.decode_panel(tiles, present)[:clusters, :receivers], columns)
     assert tiles.any(axis=(1, 2)).all(), "a tile of zeros was stored"
