@@ -17,9 +17,13 @@ Albedo = Float32[np.ndarray, "receivers 3"]
 Radiance = Float32[np.ndarray, "receivers 3"]
 CubeMap = Float32[np.ndarray, "6 row column 3"]
 Picture = Float32[np.ndarray, "height width 3"]
+MaterialOf = Int32[np.ndarray, "..."]
+Texture = UInt8[np.ndarray, "height width 3"]
+TextureCoordinates = Float32[np.ndarray, "vertices 2"]
 Bytes = UInt8[np.ndarray, "..."]
 
 __all__ = [
     "Albedo", "Bytes", "CubeMap", "Directions", "Float32", "Float64", "Int32",
-    "Normals", "Picture", "Positions", "Radiance", "Triangles", "UInt8", "UInt16",
+    "MaterialOf", "Normals", "Picture", "Positions", "Radiance", "Texture", "TextureCoordinates", "Triangles",
+    "UInt8", "UInt16",
 ]  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 import platform
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -243,8 +243,11 @@ class _LayerWriter:
 
     def _manifest(self) -> Manifest:
         scene, entries = self.scene, self.writer.entries
-        for name in ("positions", "normals", "albedo", "triangles"):
-            self._write_whole(f"scene/{name}", getattr(scene, name))
+        for name in ("positions", "normals", "albedo", "triangles", "material_of", "uv", "tint"):
+            if (values := getattr(scene, name)) is not None:
+                self._write_whole(f"scene/{name}", values)
+        for k, texture in enumerate(scene.textures):
+            self._write_whole(f"scene/textures/{k:05d}", texture)
         self._write_whole(f"{LAYER}/order", self.order)
         clusters = sum(len(e["leaves"]) for e in entries)
         for name, spec in self._panel_specs(len(entries), clusters).items():
@@ -279,6 +282,7 @@ class _LayerWriter:
                 digest=scene.digest,
                 cameras=[CameraRecord(name=n, view=_plain(c.to_dict())) for n, c in scene.cameras.items()],
                 notes=list(scene.notes),
+                materials=[_plain(material.to_dict()) for material in scene.materials],
             ),
             layers={"environment": layer},
             arrays=self.arrays,
@@ -287,8 +291,18 @@ class _LayerWriter:
         )
 
 
-def _plain(camera: dict) -> dict:
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in camera.items()}
+def _plain(fields: Mapping) -> dict:
+    """Tuples as lists, as JSON gives them back."""
+    plain = {}
+    for name, value in fields.items():
+        plain[name] = (
+            _plain(value)
+            if isinstance(value, Mapping)
+            else list(value)
+            if isinstance(value, tuple)
+            else value
+        )
+    return plain
 
 
 def _whole(values: np.ndarray) -> ArraySpec:

@@ -9,14 +9,20 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import InputError
+from ..material import GREY, Material
 from .geometry import Scene
-from .mesh import GREY
 
 SIDE = 193  # vertices along each side: 37,249 in all, the paper's number
 LARGEST_SCALE = 1000.0
 
 
-def with_floor(scene: Scene, scale: float, *, albedo: tuple[float, float, float] = GREY) -> Scene:
+def with_floor(
+    scene: Scene,
+    scale: float,
+    *,
+    albedo: tuple[float, float, float] = GREY,
+    material: Material | None = None,
+) -> Scene:
     """The scene with a square grid of 193×193 vertices under it, facing up (+Y), after its own vertices.
 
     Parameters
@@ -27,6 +33,8 @@ def with_floor(scene: Scene, scale: float, *, albedo: tuple[float, float, float]
         Side of the square over the largest extent of the model's bounding box; above 0, at most 1000.
     albedo
         Of the floor, linear Rec.709, each in [0, 1].
+    material
+        Of the floor; diffuse if not given. Its colour is ``albedo``.
 
     Raises InputError for another scale.
     """
@@ -49,13 +57,19 @@ def with_floor(scene: Scene, scale: float, *, albedo: tuple[float, float, float]
             "floor", f"scale {scale:g} makes the floor larger than float32 can hold; choose less"
         )
     up = np.tile(np.array([0, 1, 0], np.float32), (len(grid), 1))
+    grey = np.tile(np.array(albedo, np.float32), (len(grid), 1))
+    cells = _grid_triangles()
     return replace(
         scene,
         cameras=scene.cameras or {"model": Camera.framing(used.astype(np.float32), share=0.7)},
         positions=np.concatenate([scene.positions, positions]),
         normals=np.concatenate([scene.normals, up]),
-        triangles=np.concatenate([scene.triangles, _grid_triangles() + np.int32(len(scene.positions))]),
-        albedo=np.concatenate([scene.albedo, np.tile(np.array(albedo, np.float32), (len(grid), 1))]),
+        triangles=np.concatenate([scene.triangles, cells + np.int32(len(scene.positions))]),
+        albedo=np.concatenate([scene.albedo, grey]),
+        materials=(*scene.materials, replace(material or Material("floor"), colour=albedo)),
+        material_of=np.concatenate([scene.material_of, np.full(len(cells), len(scene.materials), np.int32)]),
+        uv=None if scene.uv is None else np.concatenate([scene.uv, np.zeros((len(grid), 2), np.float32)]),
+        tint=None if scene.tint is None else np.concatenate([scene.tint, grey]),
     )
 
 

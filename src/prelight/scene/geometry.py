@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import Albedo, Normals, Positions, Triangles
+from ..arrays import Albedo, MaterialOf, Normals, Positions, TextureCoordinates, Texture, Triangles
 from ..camera import Camera
+from ..material import Material
 from ..receivers import Receivers
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Triangles with one diffuse albedo a vertex; every vertex is a receiver."""
+    """Triangles, and what they are made of; every vertex can be a receiver.
+
+    ``albedo`` is what a diffuse bake uses: material colour × vertex colour × texture at the vertex.
+    """
 
     name: str
     positions: Positions  # (V, 3) metres, finite
@@ -23,16 +28,39 @@ class Scene:
     albedo: Albedo  # (V, 3) linear Rec.709, in [0, 1]
     cameras: dict[str, Camera] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what the loader read otherwise than the file says, one line each
+    materials: tuple[Material, ...] = (Material(),)
+    material_of: MaterialOf = field(default=None)  # (F,) index into materials; all zero if not given
+    uv: TextureCoordinates | None = (
+        None  # (V, 2) u to the right, v down from a texture's first row; repeating
+    )
+    tint: Albedo | None = None  # (V, 3) the albedo without its texture; ``albedo`` itself if None
+    textures: tuple[Texture, ...] = ()  # (H, W, 3) bytes
+
+    def __post_init__(self) -> None:
+        if self.material_of is None:
+            object.__setattr__(self, "material_of", np.zeros(len(self.triangles), np.int32))
 
     @property
     def receivers(self) -> Receivers:
         return Receivers(self.positions, self.normals, self.albedo)
 
     @property
+    def material_of_vertex(self) -> MaterialOf:
+        """(V,) the material of a triangle at each vertex; 0 where there is none."""
+        of = np.zeros(len(self.positions), np.int32)
+        of[self.triangles[::-1]] = self.material_of[
+            ::-1, None
+        ]  # the first triangle in file order has the word
+        return of
+
+    @property
     def digest(self) -> str:
         """sha256 of everything the light depends on."""
         h = hashlib.sha256()
-        for array in (self.positions, self.normals, self.triangles, self.albedo):
+        arrays = [self.positions, self.normals, self.triangles, self.albedo, self.material_of, *self.textures]
+        for array in arrays + [a for a in (self.uv, self.tint) if a is not None]:
             h.update(repr((array.shape, array.dtype.str)).encode())
             h.update(np.ascontiguousarray(array).data)
+        materials = [material.to_dict() for material in self.materials]
+        h.update(json.dumps(materials, sort_keys=True, default=list).encode())
         return h.hexdigest()

@@ -14,9 +14,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import read_regular
+from ..material import GREY
 from .floor import with_floor
 from .geometry import Scene
-from .mesh import GREY, MeshAsRead, UnreadableMesh, scene_from, short_name
+from .mesh import MeshAsRead, UnreadableMesh, scene_from, short_name
 
 LARGEST_FILE = 2_000_000_000
 _NOT_YET = {
@@ -57,10 +58,16 @@ def load_scene(
     colour = None if albedo is None else _checked_colour(albedo)
     scene = _scene(source)
     if colour is not None:
-        scene = replace(scene, albedo=np.tile(np.array(colour, np.float32), (len(scene.positions), 1)))
+        scene = _of_one_colour(scene, colour)
     if floor is None:
         return scene
     return with_floor(scene, floor, albedo=colour or GREY)
+
+
+def _of_one_colour(scene: Scene, colour: tuple[float, float, float]) -> Scene:
+    plain = tuple(replace(m, colour=colour, colour_texture=None) for m in scene.materials)
+    albedo = np.tile(np.array(colour, np.float32), (len(scene.positions), 1))
+    return replace(scene, albedo=albedo, tint=None, materials=plain)
 
 
 def _checked_colour(albedo: object) -> tuple[float, float, float]:

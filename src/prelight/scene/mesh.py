@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Float64, Normals, Positions
+from ..arrays import Albedo, Float64, Normals, Positions, Texture
 from ..errors import printable
+from ..images.textures import sample
+from ..material import GREY, Material
 from .geometry import Scene
 from .normals import vertex_normals, zero_area
 
-DEFAULT_ALBEDO = 0.8  # grey, for a mesh that says nothing of its colour
-GREY = (DEFAULT_ALBEDO, DEFAULT_ALBEDO, DEFAULT_ALBEDO)
+DEFAULT_ALBEDO = GREY[0]
 MOST_VERTICES = 50_000_000
 MOST_TRIANGLES = 50_000_000
 
@@ -32,8 +33,12 @@ class MeshAsRead:
     positions: np.ndarray  # (V, 3) real, metres
     triangles: np.ndarray  # (F, 3) integers
     normals: np.ndarray | None = None  # (V, 3) real, any length; zero or not finite where the file has none
-    albedo: np.ndarray | None = None  # (V, 3) linear Rec.709, any range
+    albedo: np.ndarray | None = None  # (V, 3) linear Rec.709, any range; without texture
     notes: tuple[str, ...] = ()
+    materials: tuple[Material, ...] = (Material(),)
+    material_of: np.ndarray | None = None  # (F,) integers in range; all zero if not given
+    uv: np.ndarray | None = None  # (V, 2) real, v down from a texture's first row
+    textures: tuple[Texture, ...] = ()
 
 
 def linear_from_srgb(encoded: np.ndarray) -> Float64[np.ndarray, "..."]:
@@ -66,10 +71,38 @@ def scene_from(mesh: MeshAsRead, *, name: str) -> Scene:
     check_counts(len(mesh.positions), len(mesh.triangles))
     positions = _checked_positions(mesh.positions)
     notes = list(mesh.notes)
-    triangles = _checked_triangles(mesh.triangles, positions, notes)
+    triangles, kept = _checked_triangles(mesh.triangles, positions, notes)
+    material_of = np.zeros(len(kept), np.int32) if mesh.material_of is None else mesh.material_of
+    material_of = np.ascontiguousarray(material_of[kept], np.int32)
     normals = _normals(mesh.normals, positions, triangles, notes)
-    albedo = _checked_albedo(mesh.albedo, len(positions), notes)
-    return Scene(printable(name), positions, normals, triangles, albedo, notes=tuple(notes))
+    tint = _checked_albedo(mesh.albedo, len(positions), notes)
+    scene = Scene(
+        printable(name), positions, normals, triangles, tint, notes=tuple(notes),
+        materials=mesh.materials, material_of=material_of, uv=_checked_uv(mesh.uv), textures=mesh.textures,
+    )  # fmt: skip
+    return _textured(scene)
+
+
+def _checked_uv(given: np.ndarray | None) -> np.ndarray | None:
+    """Finite; a coordinate that is no number becomes 0."""
+    if given is None:
+        return None
+    uv = np.asarray(given, np.float64).reshape(-1, 2)
+    return np.ascontiguousarray(np.where(np.abs(uv) < 1e9, uv, 0), np.float32)
+
+
+def _textured(scene: Scene) -> Scene:
+    """The albedo of vertices times the texture there, the tint kept beside it."""
+    if scene.uv is None or all(m.colour_texture is None for m in scene.materials):
+        return scene
+    albedo: Albedo = scene.albedo.copy()
+    material_of = scene.material_of_vertex
+    for k, material in enumerate(scene.materials):
+        if material.colour_texture is not None:
+            here = material_of == k
+            texture = scene.textures[material.colour_texture]
+            albedo[here] *= linear_from_srgb(sample(texture, scene.uv[here]) / 255).astype(np.float32)
+    return replace(scene, albedo=albedo, tint=scene.albedo)
 
 
 def _checked_positions(given: np.ndarray) -> Positions:
@@ -83,7 +116,10 @@ def _checked_positions(given: np.ndarray) -> Positions:
     return positions
 
 
-def _checked_triangles(given: np.ndarray, positions: Positions, notes: list[str]) -> np.ndarray:
+def _checked_triangles(
+    given: np.ndarray, positions: Positions, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Those with an area, and which of the given they are."""
     if len(given) == 0:
         raise UnreadableMesh("no triangles, only points: a mesh is needed")
     outside = (given < 0) | (given >= len(positions))
@@ -101,7 +137,7 @@ def _checked_triangles(given: np.ndarray, positions: Positions, notes: list[str]
             f"triangles of zero area dropped: {dropped:,} of {len(triangles):,}; their vertices stay"
         )
         triangles = triangles[~empty]
-    return triangles
+    return triangles, ~empty
 
 
 def _normals(

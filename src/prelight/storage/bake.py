@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Triangles
+from ..arrays import Albedo, MaterialOf, Texture, TextureCoordinates, Triangles
 from ..camera import Camera
 from ..errors import DamagedBakeError, InputError
 from ..files import read_regular
+from ..material import Material
 from ..receivers import Receivers
 from .chunks import check_hash, chunk_key, open_chunk
 from .manifest import NAME, LayerRecord, Manifest
@@ -63,6 +64,52 @@ class Bake:
             return {camera.name: Camera.from_dict(camera.view) for camera in self.manifest.scene.cameras}
         except InputError as error:
             raise DamagedBakeError(self.path, f"a camera in it is wrong: {error.reason}") from None
+
+    @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """What ``material_of`` names; at least one."""
+        records = self.manifest.scene.materials
+        try:
+            return tuple(Material.from_dict(m, textures=len(self.textures)) for m in records)
+        except InputError as error:
+            raise DamagedBakeError(self.path, f"a material in it is wrong: {error.reason}") from None
+
+    @cached_property
+    def material_of(self) -> MaterialOf:
+        """``(F,)`` index into ``materials`` of each triangle."""
+        material_of = self.array("scene/material_of")
+        if (
+            material_of.shape != (len(self.triangles),)
+            or not ((material_of >= 0) & (material_of < len(self.materials))).all()
+        ):
+            raise DamagedBakeError(self.path, "scene/material_of names materials that do not exist")
+        return material_of
+
+    @cached_property
+    def textures(self) -> tuple[Texture, ...]:
+        """``(H, W, 3)`` bytes each."""
+        names = sorted(name for name in self.manifest.arrays if name.startswith("scene/textures/"))
+        return tuple(self.array(name) for name in names)
+
+    @cached_property
+    def uv(self) -> TextureCoordinates | None:
+        """``(R, 2)`` texture coordinates, v down; None without textures."""
+        if "scene/uv" not in self.manifest.arrays:
+            return None
+        uv = self.array("scene/uv")
+        if not np.isfinite(uv).all():
+            raise DamagedBakeError(self.path, "scene/uv has values that are not finite")
+        return uv
+
+    @cached_property
+    def tint(self) -> Albedo:
+        """``(R, 3)`` the albedo without its texture."""
+        if "scene/tint" not in self.manifest.arrays:
+            return self.receivers.albedo
+        tint = self.array("scene/tint")
+        if not np.isfinite(tint).all():
+            raise DamagedBakeError(self.path, "scene/tint has values that are not finite")
+        return tint
 
     @property
     def layers(self) -> dict[str, LayerRecord]:

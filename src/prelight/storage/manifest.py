@@ -20,7 +20,7 @@ from ..files import read_regular
 from .chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key
 
 FORMAT = "prelight-bake"
-VERSION = 1
+VERSION = 2
 NAME = "manifest.json"
 _LARGEST_MANIFEST = 16_000_000  # about five million clusters
 _LARGEST_PROSE = 1_000_000
@@ -47,6 +47,7 @@ class SceneRecord(_Strict):
     digest: str = Field(pattern=r"^[0-9a-f]{64}$")
     cameras: list[CameraRecord]  # the first is the one pictures are taken with
     notes: list[str]
+    materials: list[dict[str, Any]]  # the fields of ``material.Material``, at least one
 
 
 class LayerRecord(_Strict):
@@ -54,6 +55,7 @@ class LayerRecord(_Strict):
     basis_lights: int = Field(gt=0, le=_LARGEST_ARRAY)
     coefficients: int = Field(gt=0, le=_LARGEST_ARRAY)
     rays: int = Field(ge=0, lt=2**63)
+    camera: CameraRecord | None = None  # the eye, where it is fixed
     parameters: dict[str, int | float | str | None]
     statistics: dict[str, int | float]
 
@@ -144,6 +146,19 @@ class Manifest(_Strict):
             receivers = receivers or spec.shape[0]
             if name != "triangles" and spec.shape[0] != receivers:
                 return f"array scene/{name} has {spec.shape[0]} rows, expected {receivers}"
+        if not self.scene.materials:
+            return "it has no material"
+        of = self.arrays.get("scene/material_of")
+        if of is None or of.dtype != "int32" or of.shape != [self.arrays["scene/triangles"].shape[0]]:
+            return "array scene/material_of is not one int32 a triangle"
+        for name, width in (("uv", 2), ("tint", 3)):
+            spec = self.arrays.get(f"scene/{name}")
+            if spec is not None and (spec.dtype != "float32" or spec.shape != [receivers, width]):
+                return f"array scene/{name} is not {width} float32 a receiver"
+        for name, spec in self.arrays.items():
+            is_picture = spec.dtype == "uint8" and len(spec.shape) == 3 and spec.shape[2] == 3
+            if name.startswith("scene/textures/") and not is_picture:
+                return f"array {name} is no picture of bytes"
         return None
 
     def _layer_problem(self) -> str | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...arrays import Float64, Int32
 from ...camera import Camera
+from ...material import Material
 from ..geometry import Scene
 
 
@@ -44,13 +45,14 @@ def together(parts: list[Part]) -> Part:
 
 def scene_of(
     name: str,
-    parts: list[tuple[Part, tuple[float, float, float]]],
+    parts: list[tuple[Part, Material]],
     *,
     cameras: dict[str, Camera],
 ) -> Scene:
-    """A scene of parts and their albedo, linear Rec.709."""
+    """A scene of parts, each of one material."""
     whole = together([part for part, _ in parts])
-    albedo = [np.broadcast_to(np.array(colour, np.float32), part.positions.shape) for part, colour in parts]
+    albedo = [np.broadcast_to(np.float32(of.colour), part.positions.shape) for part, of in parts]
+    material_of = np.repeat(np.arange(len(parts)), [len(part.triangles) for part, _ in parts])
     return Scene(
         name=name,
         positions=whole.positions.astype(np.float32),
@@ -58,6 +60,8 @@ def scene_of(
         triangles=whole.triangles.astype(np.int32),
         albedo=np.concatenate(albedo),
         cameras=cameras,
+        materials=tuple(of for _, of in parts),
+        material_of=material_of.astype(np.int32),
     )
 
 

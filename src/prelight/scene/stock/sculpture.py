@@ -6,6 +6,7 @@ import numpy as np
 
 from ...camera import Camera
 from ...errors import InputError
+from ...material import Material
 from ..geometry import Scene
 from .band import Band
 from .ground import ground
@@ -65,9 +66,9 @@ def sculpture(*, detail: float = 1.0) -> Scene:
     base = plinth(half_width=HALF_WIDTH, height=PLINTH_HEIGHT, chamfer=CHAMFER, gap=GAP, cells=(cells, cells))
     floor = ground(radius=FLOOR_RADIUS, half_width=HALF_WIDTH, spacing=0.038 / detail)
     parts = [
-        (body, TERRACOTTA),
-        (base.turned(PLINTH_TURN_DEG), PLASTER),
-        (floor.turned(PLINTH_TURN_DEG), STONE),
+        (body, Material("terracotta", TERRACOTTA)),
+        (base.turned(PLINTH_TURN_DEG), Material("plaster", PLASTER)),
+        (floor.turned(PLINTH_TURN_DEG), Material("stone", STONE)),
     ]
     return scene_of("sculpture" if detail >= 1 else "sculpture-small", parts, cameras=CAMERAS)
 
