@@ -14,9 +14,7 @@ STORED_TEXTURE = "stored_texture"  # in ``Material.bsdf``: {"type": "stored_text
 
 # Mitsuba's surface scattering models and textures that read no file: what a bake may name.
 BSDF_PLUGINS = frozenset(
-    "diffuse dielectric thindielectric roughdielectric conductor roughconductor plastic roughplastic pplastic "
-    "principled principledthin bumpmap normalmap blendbsdf mask twosided null hair "
-    "checkerboard mesh_attribute rgb srgb spectrum uniform".split()
+    ["diffuse", "dielectric", "thindielectric", "roughdielectric", "conductor", "roughconductor", "plastic", "roughplastic", "pplastic", "principled", "principledthin", "bumpmap", "normalmap", "blendbsdf", "mask", "twosided", "null", "hair", "checkerboard", "mesh_attribute", "rgb", "srgb", "spectrum", "uniform"]
 ) | {STORED_TEXTURE}
 _DEEPEST = 8
 _MOST_VALUES = 4096

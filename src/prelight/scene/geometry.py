@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import Albedo, MaterialOf, Normals, Positions, TextureCoordinates, Texture, Triangles
+from ..arrays import Albedo, MaterialOf, Normals, Positions, Texture, TextureCoordinates, Triangles
 from ..camera import Camera
 from ..material import Material
 from ..receivers import Receivers
