@@ -13,9 +13,12 @@ GREY = (0.8, 0.8, 0.8)  # of a surface that says nothing of its colour
 STORED_TEXTURE = "stored_texture"  # in ``Material.bsdf``: {"type": "stored_texture", "index": k, "raw": bool}
 
 # Mitsuba's surface scattering models and textures that read no file: what a bake may name.
-BSDF_PLUGINS = frozenset(
-    ["diffuse", "dielectric", "thindielectric", "roughdielectric", "conductor", "roughconductor", "plastic", "roughplastic", "pplastic", "principled", "principledthin", "bumpmap", "normalmap", "blendbsdf", "mask", "twosided", "null", "hair", "checkerboard", "mesh_attribute", "rgb", "srgb", "spectrum", "uniform"]
-) | {STORED_TEXTURE}
+BSDF_PLUGINS = frozenset({
+    "diffuse", "dielectric", "thindielectric", "roughdielectric", "conductor", "roughconductor", "plastic",
+    "roughplastic", "pplastic", "principled", "principledthin", "bumpmap", "normalmap", "blendbsdf", "mask",
+    "twosided", "null", "hair", "checkerboard", "mesh_attribute", "rgb", "srgb", "spectrum", "uniform",
+    STORED_TEXTURE,
+})  # fmt: skip
 _DEEPEST = 8
 _MOST_VALUES = 4096
 
@@ -71,7 +74,7 @@ class Material:
         known = set(cls.__dataclass_fields__)
         if not isinstance(values, Mapping) or set(values) - known:
             unknown = ", ".join(sorted(map(str, set(values) - known))) if isinstance(values, Mapping) else ""
-            raise InputError("material", f"unknown fields {unknown or values!r}")
+            raise InputError("material", f"unknown fields {unknown or repr(values)}")
         given = dict(values)
         for name in ("colour", "emission"):
             if name in given:

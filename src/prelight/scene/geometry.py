@@ -48,9 +48,8 @@ class Scene:
     def material_of_vertex(self) -> MaterialOf:
         """(V,) the material of a triangle at each vertex; 0 where there is none."""
         of = np.zeros(len(self.positions), np.int32)
-        of[self.triangles[::-1]] = self.material_of[
-            ::-1, None
-        ]  # the first triangle in file order has the word
+        vertices, first = np.unique(self.triangles, return_index=True)  # the first triangle has the word
+        of[vertices] = self.material_of[first // 3]
         return of
 
     @property
