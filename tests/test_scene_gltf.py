@@ -1,13 +1,13 @@
-"""GLB files made by a small builder, so that every answer is known."""
+"""Containers, numbers and files of glTF, whole and damaged, from a small builder."""
 
 from __future__ import annotations
 
 import json
-import math
 import re
 import struct
-import tracemalloc
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,122 +17,33 @@ from prelight.errors import InputError
 from prelight.scene.geometry import Scene
 from prelight.scene.loading import load_scene
 
-CODES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
-WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-TRIANGLE = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "f4")
-
-
-class Glb:
-    """A document and its binary chunk, growing together."""
-
-    def __init__(self) -> None:
-        self.json: dict = {
-            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}], "nodes": [], "meshes": [],
-            "accessors": [], "bufferViews": [], "materials": [], "buffers": [{"byteLength": 0}],
-        }  # fmt: skip
-        self.binary = b""
-
-    def accessor(self, array: np.ndarray, **more: object) -> int:
-        array = np.ascontiguousarray(array)
-        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": array.nbytes}
-        self.json["bufferViews"].append(view)
-        self.binary += array.tobytes() + bytes(-array.nbytes % 4)
-        self.json["buffers"][0]["byteLength"] = len(self.binary)
-        width = WIDTHS[1 if array.ndim == 1 else array.shape[1]]
-        view_index = len(self.json["bufferViews"]) - 1
-        self.json["accessors"].append(
-            {"bufferView": view_index, "componentType": CODES[array.dtype.str[1:]], "count": len(array),
-             "type": width, **more}
-        )  # fmt: skip
-        return len(self.json["accessors"]) - 1
-
-    def primitive(self, positions: np.ndarray = TRIANGLE, **more: object) -> dict:
-        """Keys in capitals are attributes."""
-        attributes = {"POSITION": self.accessor(positions)} | {k: v for k, v in more.items() if k.isupper()}
-        return {"attributes": attributes} | {k: v for k, v in more.items() if not k.isupper()}
-
-    def node(self, *primitives: dict, root: bool = True, **more: object) -> int:
-        if primitives:
-            self.json["meshes"].append({"primitives": list(primitives)})
-            more["mesh"] = len(self.json["meshes"]) - 1
-        self.json["nodes"].append(more)
-        if root:
-            self.json["scenes"][0]["nodes"].append(len(self.json["nodes"]) - 1)
-        return len(self.json["nodes"]) - 1
-
-    def material(self, **more: object) -> int:
-        self.json["materials"].append(more)
-        return len(self.json["materials"]) - 1
-
-    def bytes(self) -> bytes:
-        text = {k: v for k, v in self.json.items() if v != []}
-        return container(json.dumps(text).encode(), self.binary)
-
-
-def container(text: bytes, binary: bytes = b"") -> bytes:
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    if binary:
-        chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+from .gltf_builder import (
+    TRIANGLE,
+    Glb,
+    container,
+    data_uri,
+    load_bytes,
+    refused,
+    valid,
+)
 
 
 @pytest.fixture
 def load(tmp_path: Path) -> Callable[[bytes], Scene]:
-    def loaded(content: bytes) -> Scene:
-        path = tmp_path / "mesh.glb"
-        path.write_bytes(content)
-        return load_scene(path)
-
-    return loaded
+    return partial(load_bytes, tmp_path)
 
 
-def refused(load, content: bytes) -> str:
-    with pytest.raises(InputError) as caught:
-        load(content)
-    message = str(caught.value)
-    assert re.fullmatch(r"\S*mesh\.\w+: .+", message)
-    assert len(message) <= 300
-    return message
+def with_changes(*path: str | int, value: object) -> bytes:
+    glb = valid()
+    place = glb.json
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return glb.bytes()
 
 
-def test_nodes_are_placed_in_the_order_of_their_indices(load) -> None:
-    """Translation · rotation · scale, a child under it, and a matrix given by columns."""
-    glb = Glb()
-    half = math.sqrt(0.5)
-    child = glb.node(glb.primitive(TRIANGLE), root=False, translation=[0, 0, 1])
-    turned = {"rotation": [0, half, 0, half], "scale": [1, 2, 1], "translation": [10, 0, 0]}  # 90° about +Y
-    glb.node(children=[child], **turned)
-    columns = [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 5, 6, 7, 1]  # x to -z, z to x, then moved to (5, 6, 7)
-    glb.node(glb.primitive(TRIANGLE, NORMAL=glb.accessor(np.array([(0, 0, 1)] * 3, "f4"))), matrix=columns)
-    scene = load(glb.bytes())
-    first = [(11, 0, 0), (11, 0, -1), (11, 2, 0)]
-    second = [(5, 6, 7), (5, 6, 6), (5, 7, 7)]
-    np.testing.assert_allclose(scene.positions, first + second, atol=1e-6)
-    np.testing.assert_array_equal(scene.triangles, [(0, 1, 2), (3, 4, 5)])
-    np.testing.assert_allclose(scene.normals, [(1, 0, 0)] * 6, atol=1e-6)
-    assert scene.notes == ("vertices without a usable normal: 3; theirs are made from the triangles",)
-
-
-def test_normals_of_stretched_mirrored_and_flattened_nodes(load) -> None:
-    """A normal stays perpendicular to its surface, on the side where the file has it."""
-    slope = np.array([(0, 0, 0), (1, 1, 0), (0, 0, 1)], "f4")  # the plane y = x
-    up = np.array([(-1, 1, 0)] * 3, "f4") * np.float32(math.sqrt(0.5))
-    for scale, expected in (
-        ((2, 1, 1), (-1, 2, 0)),
-        ((-2, 1, 1), (1, 2, 0)),
-        ((1, 1, -3), (-1, 1, 0)),
-        ((1, 0, 1), (0, 1, 0)),
-    ):
-        glb = Glb()
-        glb.node(glb.primitive(slope, NORMAL=glb.accessor(up)), scale=list(scale))
-        np.testing.assert_allclose(
-            load(glb.bytes()).normals, [expected / np.linalg.norm(expected)] * 3, atol=1e-6
-        )
-        without = Glb()
-        without.node(without.primitive(slope[[0, 2, 1]]), scale=list(scale))
-        scene = load(without.bytes())
-        np.testing.assert_allclose(scene.normals, [expected / np.linalg.norm(expected)] * 3, atol=1e-6)
+PRIMITIVE = ("meshes", 0, "primitives", 0)
+WHOLE = valid().bytes()
 
 
 @pytest.mark.parametrize("kind", ["u1", "u2", "u4", None])
@@ -153,59 +64,6 @@ def test_strips_and_fans(load) -> None:
     np.testing.assert_array_equal(load(fan.bytes()).triangles, [(0, 1, 2), (0, 2, 3)])
     for glb in (strip, fan):
         np.testing.assert_allclose(load(glb.bytes()).normals, [(0, 0, 1)] * 4)
-
-
-def test_base_colours_are_linear_and_exact(load) -> None:
-    """0.123456 is no multiple of 1/255; vertex colours multiply it; a missing material is white."""
-    glb = Glb()
-    pbr = {"baseColorFactor": [0.123456, 1, 0.5, 0.25], "metallicFactor": 0}
-    matt = glb.material(name="matt", pbrMetallicRoughness=pbr)
-    floats = glb.accessor(np.array([(1, 1, 1), (0.5, 0, 1), (2, 1, 1)], "f4"))
-    shorts = glb.accessor(np.array([(65535, 0, 0, 0)] * 3, "u2"), normalized=True)
-    bytes_ = glb.accessor(np.array([(255, 51, 0, 9)] * 3, "u1"), normalized=True)
-    old = {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.3, 0.2, 0.1, 1]}}
-    glb.node(
-        glb.primitive(material=matt),
-        glb.primitive(material=matt, COLOR_0=floats),
-        glb.primitive(COLOR_0=shorts),
-        glb.primitive(COLOR_0=bytes_),
-        glb.primitive(),
-        glb.primitive(material=glb.material()),
-        glb.primitive(material=glb.material(extensions=old)),
-    )
-    scene = load(glb.bytes())
-    a = 0.123456
-    expected = [(a, 1, 0.5)] * 3 + [(a, 1, 0.5), (a / 2, 0, 0.5), (2 * a, 1, 0.5)]
-    expected += [(1, 0, 0)] * 3 + [(1, 0.2, 0)] * 3 + [(1, 1, 1)] * 6 + [(0.3, 0.2, 0.1)] * 3
-    np.testing.assert_array_equal(scene.albedo, np.array(expected, np.float32))
-    assert scene.notes == ()
-
-
-def test_what_is_not_read_is_said_once_a_kind(load) -> None:
-    glb = Glb()
-    texture = {"index": 0}
-    for k in range(12):
-        pbr = {"baseColorTexture": texture, "metallicFactor": 1, "baseColorFactor": [1, 0.5, 0.25, 1]}
-        glb.material(name=f"a\x1b{k}", pbrMetallicRoughness=pbr, emissiveFactor=[1, 0, 0], alphaMode="BLEND")
-    glb.json["extensionsUsed"] = ["KHR_materials_transmission"]
-    glb.json["extensionsRequired"] = ["KHR_materials_transmission"]
-    glb.node(glb.primitive(material=0), glb.primitive(mode=1), skin=0)
-    glb.json["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
-    notes = load(glb.bytes()).notes
-    assert notes[0] == "material 'a\\x1b0': base colour texture not read, its factor 1,0.5,0.25 used"
-    assert notes[8] == "base colour textures of 4 more materials not read, their factors used"
-    rest = "\n".join(notes[9:])
-    assert len(notes) == 16
-    for part in (
-        "metal",
-        "emission",
-        "transparency",
-        "KHR_materials_transmission",
-        "skins",
-        "morph",
-        "lines",
-    ):
-        assert rest.count(part) == 1, part
 
 
 def test_strides_offsets_and_quantized_positions(load) -> None:
@@ -229,51 +87,6 @@ def test_strides_offsets_and_quantized_positions(load) -> None:
     np.testing.assert_array_equal(scene.normals[:3], [(0, 0, 1)] * 3)
 
 
-def test_only_the_default_scene_is_read(load) -> None:
-    glb = Glb()
-    glb.node(glb.primitive(TRIANGLE))
-    glb.node(glb.primitive(TRIANGLE + 5))
-    glb.json["scenes"] = [{"nodes": [0]}, {"nodes": [1]}]
-    glb.json["scene"] = 1
-    np.testing.assert_array_equal(load(glb.bytes()).positions, TRIANGLE + 5)
-    del glb.json["scene"]
-    np.testing.assert_array_equal(load(glb.bytes()).positions, TRIANGLE)
-    del glb.json["scenes"]
-    assert len(load(glb.bytes()).positions) == 6
-
-
-def test_a_mesh_stands_wherever_a_node_puts_it(load) -> None:
-    glb = Glb()
-    glb.node(glb.primitive(TRIANGLE))
-    for x in (3, 6):
-        glb.node(mesh=0, translation=[x, 0, 0])
-    scene = load(glb.bytes())
-    expected = [TRIANGLE + np.array([x, 0, 0]) for x in (0, 3, 6)]
-    np.testing.assert_array_equal(scene.positions, np.concatenate(expected))
-    np.testing.assert_array_equal(scene.triangles, np.arange(9).reshape(3, 3))
-
-
-def valid() -> Glb:
-    glb = Glb()
-    part = glb.primitive(TRIANGLE)
-    part["indices"] = glb.accessor(np.array([0, 1, 2], "u2"))
-    glb.node(part)
-    return glb
-
-
-def with_changes(*path: str | int, value: object) -> bytes:
-    glb = valid()
-    place = glb.json
-    for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
-    return glb.bytes()
-
-
-PRIMITIVE = ("meshes", 0, "primitives", 0)
-WHOLE = valid().bytes()
-
-
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
@@ -283,8 +96,8 @@ WHOLE = valid().bytes()
         (WHOLE[:8] + struct.pack("<I", 2**32 - 1) + WHOLE[12:], "declares 4,294,967,295"),
         (WHOLE[:12] + struct.pack("<I", 2**32 - 4) + WHOLE[16:], "chunk 0"),
         (WHOLE[:12] + struct.pack("<I", 5) + WHOLE[16:], "multiple of 4"),
-        (container(b""), "JSON chunk is empty"),
-        (container(b"    "), "JSON chunk is empty"),
+        (container(b""), "its JSON is empty"),
+        (container(b"    "), "its JSON is empty"),
         (container(b"{}", b"abcd").replace(b"JSON", b"JSOM"), "one JSON chunk"),
         (container(b"{}", b"abcd").replace(b"BIN\0", b"JSON"), "one JSON chunk"),
         (container(b"not JSON"), "Invalid JSON"),
@@ -297,11 +110,22 @@ WHOLE = valid().bytes()
         (container(b'{"asset":{"version":"2.0"},"scene":' + b"9" * 5000 + b"}"), "JSON"),
         (container(b'{"asset":{"version":"1.0"}}'), "glTF version '1.0'"),
         (with_changes("extensionsRequired", value=["KHR_draco_mesh_compression"]), "needs the extension KHR_draco"),
-        (with_changes("buffers", 0, "uri", value="http://localhost/x.bin"), "outside its binary chunk"),
+        (with_changes("extensionsRequired", value=["EXT_meshopt_compression"]), "without -c and -cc"),
+        (with_changes("extensionsRequired", value=["EXT_unheard_of"]), "export without it"),
+        (with_changes("buffers", 0, "uri", value="http://localhost/x.bin"), "no address or full path"),
+        (with_changes("buffers", 0, "uri", value="../x.bin"), "leads out of the folder"),
+        (with_changes("buffers", 0, "uri", value="%2e%2e/x.bin"), "leads out of the folder"),
+        (with_changes("buffers", 0, "uri", value="/etc/hostname"), "no address or full path"),
+        (with_changes("buffers", 0, "uri", value="absent.bin"), "no such file"),
+        (with_changes("buffers", 0, "uri", value="data:,abc"), "not in base64 (/buffers/0)"),
+        (with_changes("buffers", 0, "uri", value="data:;base64,abc"), "base64 is cut short"),
+        (with_changes("buffers", 0, "uri", value="data:;base64,AA*AA"), "base64 is cut short or broken"),
+        (with_changes("buffers", 0, "uri", value="data:;base64,AAAA"), "bytes, its data 3 (/buffers/0)"),
         (with_changes("buffers", 0, "byteLength", value=1000), "the buffer has 1,000 bytes"),
         (with_changes("bufferViews", 0, "buffer", value=1), "/bufferViews/0"),
         (with_changes("bufferViews", 0, "byteLength", value=2**31 - 1), "ends outside its buffer (/bufferViews/0)"),
         (with_changes("bufferViews", 0, "byteStride", value=3), "/bufferViews/0/byteStride"),
+        (with_changes("bufferViews", 0, "byteStride", value=8), "entries of 12 bytes, the next after 8 (/accessors/0)"),
         (with_changes("accessors", 0, "count", value=2**31 - 1), "ends outside its bufferView (/accessors/0)"),
         (with_changes("accessors", 0, "count", value=-1), "/accessors/0/count"),
         (with_changes("accessors", 0, "count", value=3.5), "/accessors/0/count"),
@@ -310,7 +134,8 @@ WHOLE = valid().bytes()
         (with_changes("accessors", 0, "bufferView", value=9), "no bufferView 9"),
         (with_changes("accessors", 0, "componentType", value=5130), "/accessors/0/componentType"),
         (with_changes("accessors", 0, "type", value="VEC2"), "it is VEC2, expected VEC3"),
-        (with_changes("accessors", 0, "sparse", value={"count": 1}), "sparse accessors are not read"),
+        (with_changes("accessors", 0, "sparse", value={"count": 1}), "/accessors/0/sparse/indices"),
+        (with_changes("nodes", 0, "camera", value=0), "no camera 0"),
         (with_changes("accessors", 1, "componentType", value=5122), "indices must be unsigned"),
         (with_changes("accessors", 1, "count", value=2), "whole triangles"),
         (with_changes(*PRIMITIVE, "indices", value=9), "no accessor 9"),
@@ -355,27 +180,109 @@ def test_indices_out_of_range_and_positions_without_data(load) -> None:
     assert "COLOR_0 has 4 entries, POSITION 3" in refused(load, glb.bytes())
 
 
-def test_instances_are_counted_before_memory_is_taken(load, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A thousand nodes with a mesh of 60,000 vertices: 60 million, from a file of 0.8 MB."""
-    glb = Glb()
-    glb.node(glb.primitive(np.zeros((60_000, 3), "f4")))
-    for _ in range(999):
-        glb.node(mesh=0)
-    content = glb.bytes()
-    monkeypatch.setattr("prelight.scene.loading.LARGEST_FILE", 10_000_000)  # reading may reserve that much
-    tracemalloc.start()
-    try:
-        assert "60,000,000 vertices, at most 50,000,000" in refused(load, content)
-        assert tracemalloc.get_traced_memory()[1] < 64e6
-    finally:
-        tracemalloc.stop()
-
-
 def test_bytes_after_the_container_and_unknown_chunks_are_passed_over(load) -> None:
     whole = WHOLE + struct.pack("<I4s", 4, b"MORE") + b"abcd"
     length = struct.pack("<I", len(whole))
     for content in (WHOLE + b"trailing", whole[:8] + length + whole[12:]):
         np.testing.assert_array_equal(load(content).positions, TRIANGLE)
+
+
+def sparse_document(base: bool) -> Glb:
+    """Three of five positions replaced; the others are those of a bufferView, or zero."""
+    glb = Glb()
+    far = np.array([(9, 9, 9)] * 5, "f4")
+    positions = glb.accessor(far)
+    rows = glb.accessor(np.array([1, 3, 4], "u1"))
+    values = glb.accessor(TRIANGLE)
+    view = [glb.json["accessors"][k]["bufferView"] for k in (positions, rows, values)]
+    if not base:
+        del glb.json["accessors"][positions]["bufferView"]
+    glb.json["accessors"][positions]["sparse"] = {
+        "count": 3,
+        "indices": {"bufferView": view[1], "componentType": 5121},
+        "values": {"bufferView": view[2]},
+    }
+    part = {"attributes": {"POSITION": positions}, "indices": glb.accessor(np.array([1, 3, 4], "u2"))}
+    glb.node(part)
+    return glb
+
+
+@pytest.mark.parametrize("base", [True, False])
+def test_sparse_accessors(load, base: bool) -> None:
+    scene = load(sparse_document(base).bytes())
+    rest = np.full(3, 9 if base else 0)
+    np.testing.assert_array_equal(scene.positions, [rest, TRIANGLE[0], rest, TRIANGLE[1], TRIANGLE[2]])
+
+
+def test_sparse_accessors_that_lie(load) -> None:
+    for change, reason in (
+        ({"count": 6}, "6 entries replaced of 5"),
+        (
+            {"indices": {"bufferView": 9, "componentType": 5121}},
+            "no bufferView 9 (/accessors/0/sparse/indices)",
+        ),
+        (
+            {"values": {"bufferView": 2, "byteOffset": 4}},
+            "outside its bufferView (/accessors/0/sparse/values)",
+        ),
+        ({"indices": {"bufferView": 0, "componentType": 5121}}, "into 5 entries"),
+    ):
+        glb = sparse_document(base=True)
+        glb.json["accessors"][0]["sparse"] |= change
+        assert reason in refused(load, glb.bytes()), change
+    empty = sparse_document(base=False)
+    empty.json["accessors"][0]["count"] = 1_000_001
+    assert "1,000,001 entries with data for 3" in refused(load, empty.bytes())
+
+
+def test_gltf_files_and_what_they_name(tmp_path: Path) -> None:
+    """The buffer beside the file, its name percent-encoded once; or written into the JSON; shared by two."""
+    folder = tmp_path / "models"
+    folder.mkdir()
+    glb = valid()
+    (folder / "a %41.bin").write_bytes(glb.binary)
+    (tmp_path / "outside.bin").write_bytes(glb.binary)
+    scene = folder / "scene.gltf"
+    for uri in ("a%20%2541.bin", "../models/a%20%2541.bin", None):
+        scene.write_bytes(glb.text(uri))
+        np.testing.assert_array_equal(load_scene(scene).positions, TRIANGLE)
+    two = glb.document()
+    two["buffers"] = [{"byteLength": len(glb.binary), "uri": data_uri(glb.binary)}] * 2
+    two["bufferViews"][1]["buffer"] = 1
+    scene.write_bytes(json.dumps(two).encode())
+    np.testing.assert_array_equal(load_scene(scene).positions, TRIANGLE)
+    two["buffers"][0] = {
+        "byteLength": 9,
+        "uri": "animation.bin",
+    }  # of which nothing is used, so it may be missing
+    two["bufferViews"][0]["buffer"] = 1
+    two["bufferViews"].append({"buffer": 0, "byteLength": 9})
+    scene.write_bytes(json.dumps(two).encode())
+    np.testing.assert_array_equal(load_scene(scene).positions, TRIANGLE)
+    (folder / "link.bin").symlink_to(tmp_path / "outside.bin")
+    (folder / "short.bin").write_bytes(glb.binary[:-1])
+    for uri, reason in (
+        ("a %2541.bin%00", "control characters"),
+        ("../outside.bin", "leads out"),
+        ("link.bin", "leads out"),
+        ("%252e%252e/outside.bin", "no such file"),
+        ("short.bin", f"has {len(glb.binary)} bytes, its data {len(glb.binary) - 1} (/buffers/0)"),
+        (".", "leads out"),
+        ("file:///etc/hostname", "no address"),
+        ("a\\b.bin", "not a backslash"),
+    ):
+        scene.write_bytes(glb.text(uri))
+        with pytest.raises(InputError, match=re.escape(reason)):
+            load_scene(scene)
+    for content, reason in (
+        (b"", "empty"),
+        (b" ", "JSON is empty"),
+        (b"[1]", "object"),
+        (b"\xff{", "Invalid JSON"),
+    ):
+        scene.write_bytes(content)
+        with pytest.raises(InputError, match=reason):
+            load_scene(scene)
 
 
 def test_mutations_end_in_a_scene_or_a_refusal(load, rng) -> None:
@@ -388,3 +295,27 @@ def test_mutations_end_in_a_scene_or_a_refusal(load, rng) -> None:
         except InputError:
             continue
         assert np.isfinite(scene.positions).all()
+
+
+def test_the_public_corpus_of_bad_gltf(data: Path) -> None:
+    """Every third file: a scene or one line in under two seconds, and what must be refused is."""
+    index = data / "bad" / "INDEX.jsonl"
+    if not index.exists():
+        pytest.skip("no corpus of bad files in the test data")
+    rows = [json.loads(line) for line in index.read_text(encoding="utf-8").splitlines()]
+    rows = [row for row in rows if row["path"].endswith(".gltf")]
+    assert len(rows) >= 300
+    accepted = 0
+    for row in rows[1::3]:
+        start = time.perf_counter()
+        try:
+            load_scene(data / "bad" / row["path"])
+        except InputError as error:
+            message = str(error)
+            assert "\n" not in message
+            assert len(message) <= 300
+        else:
+            accepted += 1
+            assert row["expect"] != "reject", row
+        assert time.perf_counter() - start < 2, row
+    assert accepted >= 1

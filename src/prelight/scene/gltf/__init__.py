@@ -1,4 +1,4 @@
-"""GLB files, read with NumPy: the container's chunks, a checked document, its nodes, its numbers.
+"""glTF files, read with NumPy: container and buffers, a checked document, its nodes, numbers and materials.
 
-May import `scene.mesh`, `scene.normals` and what they rest on. Read `reading` first.
+May import `scene.mesh`, `images.textures` and what they rest on. Read `reading` first.
 """

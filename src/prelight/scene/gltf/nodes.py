@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...arrays import Float64
@@ -10,11 +12,11 @@ from .document import Document, Node
 
 
 def placed_nodes(document: Document) -> dict[int, Float64[np.ndarray, "4 4"]]:
-    """World matrix of every node of the default scene, in the order of their indices.
+    """World matrix of every visible node of the default scene, in the order of their indices.
 
     Raises UnreadableMesh unless the nodes are trees: each at most one parent, none its own ancestor.
     """
-    _check_meshes(document)
+    _check_references(document)
     parent = _parents(document)
     roots = _roots(document, parent)
     placed: dict[int, np.ndarray] = {}
@@ -22,17 +24,22 @@ def placed_nodes(document: Document) -> dict[int, Float64[np.ndarray, "4 4"]]:
     while waiting:
         index, above = waiting.pop()
         if index in placed:
-            raise UnreadableMesh(f"damaged GLB file: the scene holds node {index} twice", "/scenes")
-        world = above @ _local(document.nodes[index], f"/nodes/{index}")
+            raise UnreadableMesh(f"damaged glTF file: the scene holds node {index} twice", "/scenes")
+        node = document.nodes[index]
+        if not node.extensions.KHR_node_visibility.visible:
+            continue  # and nothing below it
+        world = above @ _local(node, f"/nodes/{index}")
         placed[index] = world
-        waiting += [(child, world) for child in document.nodes[index].children]
+        waiting += [(child, world) for child in node.children]
     return dict(sorted(placed.items(), key=lambda item: item[0]))
 
 
-def _check_meshes(document: Document) -> None:
+def _check_references(document: Document) -> None:
     for k, node in enumerate(document.nodes):
         if node.mesh is not None and node.mesh >= len(document.meshes):
-            raise UnreadableMesh(f"damaged GLB file: there is no mesh {node.mesh}", f"/nodes/{k}/mesh")
+            raise UnreadableMesh(f"damaged glTF file: there is no mesh {node.mesh}", f"/nodes/{k}/mesh")
+        if node.camera is not None and node.camera >= len(document.cameras):
+            raise UnreadableMesh(f"damaged glTF file: there is no camera {node.camera}", f"/nodes/{k}/camera")
 
 
 def _parents(document: Document) -> list[int]:
@@ -42,10 +49,10 @@ def _parents(document: Document) -> list[int]:
     for k, node in enumerate(document.nodes):
         for child in node.children:
             if child >= count:
-                raise UnreadableMesh(f"damaged GLB file: there is no node {child}", f"/nodes/{k}/children")
+                raise UnreadableMesh(f"damaged glTF file: there is no node {child}", f"/nodes/{k}/children")
             if parent[child] >= 0:
                 raise UnreadableMesh(
-                    f"damaged GLB file: node {child} has two parents", f"/nodes/{k}/children"
+                    f"damaged glTF file: node {child} has two parents", f"/nodes/{k}/children"
                 )
             parent[child] = k
     # With one parent each, whatever cannot be reached from a root goes in a circle.
@@ -54,7 +61,7 @@ def _parents(document: Document) -> list[int]:
         reached += 1
         waiting += document.nodes[waiting.pop()].children
     if reached < count:
-        raise UnreadableMesh("damaged GLB file: a node is its own ancestor", "/nodes")
+        raise UnreadableMesh("damaged glTF file: a node is its own ancestor", "/nodes")
     return parent
 
 
@@ -63,11 +70,11 @@ def _roots(document: Document, parent: list[int]) -> list[int]:
         return [k for k, above in enumerate(parent) if above < 0]
     scene = document.scene or 0
     if scene >= len(document.scenes):
-        raise UnreadableMesh(f"damaged GLB file: there is no scene {scene}", "/scene")
+        raise UnreadableMesh(f"damaged glTF file: there is no scene {scene}", "/scene")
     for node in document.scenes[scene].nodes:
         if node >= len(parent) or parent[node] >= 0:
             raise UnreadableMesh(
-                f"damaged GLB file: node {node} is no root of the scene", f"/scenes/{scene}/nodes"
+                f"damaged glTF file: node {node} is no root of the scene", f"/scenes/{scene}/nodes"
             )
     return document.scenes[scene].nodes
 
@@ -78,23 +85,30 @@ def _local(node: Node, where: str) -> np.ndarray:
     if node.matrix is not None:
         if any(part is not None for part in trs):
             raise UnreadableMesh(
-                "damaged GLB file: it has a matrix and translation, rotation or scale", where
+                "damaged glTF file: it has a matrix and translation, rotation or scale", where
             )
         matrix = np.array(node.matrix).reshape(4, 4).T
-        if not np.allclose(matrix[3], [0, 0, 0, 1], atol=1e-6):
-            raise UnreadableMesh("damaged GLB file: its matrix is not affine", f"{where}/matrix")
+        if np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
+            raise UnreadableMesh("damaged glTF file: its matrix is not affine", f"{where}/matrix")
         return matrix
     matrix = np.eye(4)
     if node.rotation is not None:
-        length = np.linalg.norm(node.rotation)
-        if not 0 < length < np.inf:
-            raise UnreadableMesh("damaged GLB file: its rotation is no unit quaternion", f"{where}/rotation")
-        x, y, z, w = np.array(node.rotation) / length
-        matrix[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    matrix[:3, :3] *= np.array(node.scale or (1.0, 1.0, 1.0))
+        length = math.hypot(*node.rotation)
+        if not 0 < length < math.inf:
+            raise UnreadableMesh("damaged glTF file: its rotation is no unit quaternion", f"{where}/rotation")
+        matrix[:3, :3] = rotations(np.array(node.rotation) / length)
+    if node.scale is not None:
+        matrix[:3, :3] *= np.array(node.scale)
     matrix[:3, 3] = node.translation or (0.0, 0.0, 0.0)
     return matrix
+
+
+def rotations(quaternions: Float64[np.ndarray, "... 4"]) -> Float64[np.ndarray, "... 3 3"]:
+    """Matrices, acting on columns, of unit quaternions x, y, z, w."""
+    x, y, z, w = np.moveaxis(quaternions, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

@@ -1,4 +1,4 @@
-"""One primitive of a glTF mesh: its triangles, normals and colours before any node moves it."""
+"""One primitive of a glTF mesh: its triangles, normals, colours and coordinates before any node moves it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...material import Material
 from ..mesh import UnreadableMesh
-from .accessors import read_accessor
+from .accessors import Numbers
 from .document import Document, Primitive
-from .materials import base_colour
+from .materials import Look
 
 _TRIANGLES, _FAN = 4, 6
 
@@ -21,60 +22,68 @@ class LocalMesh:
     positions: np.ndarray  # (V, 3) float64
     triangles: np.ndarray  # (F, 3) int32, in range
     normals: np.ndarray | None  # (V, 3) float64, as the file has them
-    albedo: np.ndarray  # (3,) or (V, 3) linear
+    tint: np.ndarray  # (3,) or (V, 3) linear
+    uv: np.ndarray | None  # (V, 2) on the pictures of its material
+    material: Material
+    folded: bool = False  # whether coordinates beyond a picture's edge were folded back
+
+
+def count_primitive(document: Document, primitive: Primitive) -> tuple[int, int]:
+    """Vertices and triangles of a primitive that `check_primitive` has passed."""
+    vertices = document.accessors[primitive.attributes["POSITION"]].count
+    corners = vertices if primitive.indices is None else document.accessors[primitive.indices].count
+    return vertices, corners // 3 if primitive.mode == _TRIANGLES else corners - 2
 
 
 def check_primitive(document: Document, primitive: Primitive, where: str) -> None:
     """Raises UnreadableMesh unless what a primitive of triangles points at exists and fits together."""
-    used = primitive.attributes
-    accessors = [i for i in (used.POSITION, used.NORMAL, used.COLOR_0, primitive.indices) if i is not None]
     for index, known, what in (
-        *((index, document.accessors, "accessor") for index in accessors),
+        *((index, document.accessors, "accessor") for index in primitive.attributes.values()),
+        (primitive.indices, document.accessors, "accessor"),
         (primitive.material, document.materials, "material"),
     ):
         if index is not None and index >= len(known):
-            raise UnreadableMesh(f"damaged GLB file: there is no {what} {index}", where)
-    position = document.accessors[accessors[0]]
-    for name, index in (("NORMAL", used.NORMAL), ("COLOR_0", used.COLOR_0)):
-        if index is not None and (other := document.accessors[index].count) != position.count:
+            raise UnreadableMesh(f"damaged glTF file: there is no {what} {index}", where)
+    position = document.accessors[primitive.attributes["POSITION"]]
+    for name, index in primitive.attributes.items():
+        if (other := document.accessors[index].count) != position.count:
             reason = f"{name} has {other:,} entries, POSITION {position.count:,}"
-            raise UnreadableMesh(f"damaged GLB file: {reason}", f"{where}/attributes")
-    if position.bufferView is None:
+            raise UnreadableMesh(f"damaged glTF file: {reason}", f"{where}/attributes")
+    if position.bufferView is None and position.sparse is None:
         draco = primitive.extensions.KHR_draco_mesh_compression is not None
         reason = "compressed with Draco, which is not read" if draco else "its positions have no data"
-        raise UnreadableMesh(f"{reason}: export without compression", where)
+        raise UnreadableMesh(f"{reason}: export without mesh compression", where)
     corners = position.count if primitive.indices is None else document.accessors[primitive.indices].count
     if corners < 3 or (primitive.mode == _TRIANGLES and corners % 3):
-        raise UnreadableMesh(f"damaged GLB file: {corners:,} corners do not make whole triangles", where)
+        raise UnreadableMesh(f"damaged glTF file: {corners:,} corners do not make whole triangles", where)
 
 
-def read_primitive(document: Document, binary: memoryview, primitive: Primitive) -> LocalMesh:
+def read_primitive(numbers: Numbers, primitive: Primitive, look: Look) -> LocalMesh:
     """The arrays of a primitive that `check_primitive` has passed. Raises UnreadableMesh."""
-
-    def vectors(index: int, *kinds: str) -> np.ndarray:
-        return read_accessor(document, binary, index, kinds=kinds)
-
     used = primitive.attributes
-    positions = vectors(used.POSITION or 0, "VEC3")
-    albedo = np.ones(3)
-    if primitive.material is not None:
-        albedo = np.array(base_colour(document.materials[primitive.material])[0][:3])
-    if used.COLOR_0 is not None:
-        albedo = vectors(used.COLOR_0, "VEC3", "VEC4")[:, :3] * albedo
-    normals = None if used.NORMAL is None else vectors(used.NORMAL, "VEC3")
-    corners = _corners(document, binary, primitive, vertices=len(positions))
-    return LocalMesh(positions, _triangles(corners, primitive.mode), normals, albedo)
+    positions = numbers.read(used["POSITION"], "VEC3")
+    tint = np.array(look.material.colour)
+    if "COLOR_0" in used:
+        tint = numbers.read(used["COLOR_0"], "VEC3", "VEC4")[:, :3] * tint
+    normals = numbers.read(used["NORMAL"], "VEC3") if "NORMAL" in used else None
+    corners = _corners(numbers, primitive, vertices=len(positions))
+    triangles = _triangles(corners, primitive.mode)
+    name = None if look.mapping is None else f"TEXCOORD_{look.mapping.texcoord}"
+    if look.mapping is None or name not in used:
+        return LocalMesh(positions, triangles, normals, tint, None, look.untextured)
+    uv, folded = look.mapping.apply(numbers.read(used[name], "VEC2"))
+    return LocalMesh(positions, triangles, normals, tint, uv, look.material, folded)
 
 
-def _corners(document: Document, binary: memoryview, primitive: Primitive, *, vertices: int) -> np.ndarray:
+def _corners(numbers: Numbers, primitive: Primitive, *, vertices: int) -> np.ndarray:
     if primitive.indices is None:
         return np.arange(vertices, dtype=np.int32)
     where = f"/accessors/{primitive.indices}"
-    corners = read_accessor(document, binary, primitive.indices, kinds=("SCALAR",)).reshape(-1)
+    corners = numbers.read(primitive.indices, "SCALAR").reshape(-1)
     if corners.dtype.kind != "u":
-        raise UnreadableMesh("damaged GLB file: indices must be unsigned", where)
+        raise UnreadableMesh("damaged glTF file: indices must be unsigned", where)
     if (largest := int(corners.max())) >= vertices:
-        raise UnreadableMesh(f"damaged GLB file: index {largest:,} into {vertices:,} vertices", where)
+        raise UnreadableMesh(f"damaged glTF file: index {largest:,} into {vertices:,} vertices", where)
     return corners.astype(np.int32)
 
 
