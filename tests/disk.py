@@ -18,8 +18,10 @@ import numpy as np
 import pytest
 
 from prelight.baking import environment as baking
+from prelight.baking import layer_receivers, layer_writer
 from prelight.baking.clustering import Clusters, cluster_lights
-from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
+from prelight.baking.environment_plan import Cut, EnvironmentPlan
+from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.errors import DamagedBakeError, InputError, PrelightError
 from prelight.lighting.environment import Environment
 from prelight.relighting.relighter import Relighter
@@ -27,17 +29,19 @@ from prelight.scene.geometry import Scene
 from prelight.storage import journal
 from prelight.storage.bake import Bake
 from prelight.storage.manifest import NAME
+from prelight.transport import direct
 
 from .scenes import ball_on_floor
 
-RESOLUTION, TOLERANCE = 9, 0.015  # 326 clusters, of up to 3×3 texels, in two panels
+RESOLUTION, TOLERANCE = 9, 0.015  # in one zone 326 clusters, of up to 3×3 texels
+ZONES = 2
 BALL, RADIUS = np.array([0.0, 0.6, 0.0], np.float32), np.float32(0.4)
 
 
 class BallVisibility:
     """What `prelight.transport.visibility.Visibility` says of a ball over a floor, by arithmetic."""
 
-    def __init__(self, positions, triangles, *, origins, normals) -> None:
+    def __init__(self, occluders, *, origins, normals) -> None:
         self.receivers = len(origins)
         self._normals = normals
         self._outward = origins - BALL
@@ -58,10 +62,10 @@ class _Replayed:
     def __init__(self) -> None:
         self._kept: dict[tuple, list] = {}
 
-    def __call__(self, visibility, normals, test, *, covered, **options):
-        key = (visibility.receivers, test)
+    def __call__(self, transfer, test, *, covered, **options):
+        key = (transfer.by_axis.tobytes(), test)
         if key not in self._kept:
-            self._kept[key] = list(cluster_lights(visibility, normals, test, covered=covered[:0], **options))
+            self._kept[key] = list(cluster_lights(transfer, test, covered=covered[:0], **options))
         skip = len(covered)
         for group, progress in self._kept[key]:
             drop = min(skip, len(group.leaves))
@@ -71,39 +75,51 @@ class _Replayed:
 
 
 _replayed = _Replayed()
-_software = cache(baking._software)
+_software = cache(layer_writer.software)
 
 
-def quick_plan(*, tolerance: float = TOLERANCE, block: int = 32) -> tuple[Scene, EnvironmentPlan]:
+def quick_plan(
+    *, tolerance: float = TOLERANCE, block: int = 32, zones: int = ZONES
+) -> tuple[Scene, EnvironmentPlan]:
     """A small scene, and a plan of it without the estimate."""
     scene = ball_on_floor(side=6, rings=5)
-    settings = EnvironmentSettings(resolution=RESOLUTION, tolerance=tolerance)
+    settings = EnvironmentSettings(resolution=RESOLUTION, tolerance=tolerance, zones=zones)
     figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
     return scene, EnvironmentPlan(
         settings=settings,
         receivers=len(scene.positions),
         triangles=len(scene.triangles),
+        zones=zones,
         tolerance=tolerance,
-        lanes=1 << 20,
-        block=block,
+        cuts=(Cut(1 << 20, block),) * zones,
         **figures,
     )
 
 
 def quick_bake(
-    target: Path, *, replay: bool = True, block: int = 32, tolerance: float = TOLERANCE, **options
+    target: Path,
+    *,
+    replay: bool = True,
+    small_parcels: bool = False,
+    block: int = 32,
+    tolerance: float = TOLERANCE,
+    zones: int = ZONES,
+    **options,
 ) -> Bake:
-    """A bake of two panels of a small scene; options as for `bake_planned`.
+    """A bake of a small scene in two zones; options as for `bake_planned`.
 
-    With ``replay`` the clusters are found once in a process and written again each time.
+    With ``replay`` the clusters are found once in a process and written again each time. A zone is one parcel,
+    or two with ``small_parcels``, which a relighter does not expect.
     """
-    scene, plan = quick_plan(tolerance=tolerance, block=block)
-    stand_ins = {"Visibility": BallVisibility, "_software": _software}
-    if replay:
-        stand_ins["cluster_lights"] = _replayed
+    scene, plan = quick_plan(tolerance=tolerance, block=block, zones=zones)
     with pytest.MonkeyPatch.context() as patch:
-        for name, stand_in in stand_ins.items():
-            patch.setattr(baking, name, stand_in)
+        patch.setattr(direct, "Visibility", BallVisibility)
+        patch.setattr(layer_receivers, "Occluders", lambda *_: None)
+        patch.setattr(layer_writer, "software", _software)
+        if small_parcels:
+            patch.setattr(layer_writer, "panels_of_parcel", lambda *_: 1)
+        if replay:
+            patch.setattr(layer_writer, "cluster_lights", _replayed)
         return baking.bake_planned(scene, target, plan=plan, **options)
 
 

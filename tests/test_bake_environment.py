@@ -12,16 +12,18 @@ import pytest
 from prelight.baking import environment_plan
 from prelight.baking.clustering import ClusterTest, cluster_lights
 from prelight.baking.environment import bake_environment, bake_planned
-from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
+from prelight.baking.environment_plan import plan_environment
+from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.bases.cube_map import texel_directions
 from prelight.bases.quadtree import LeafCover
 from prelight.checking.statistics import agreement, sidak_z
 from prelight.errors import InputError, OutputError
 from prelight.lighting.environment import Environment
+from prelight.rays.mitsuba import Occluders
 from prelight.relighting.relighter import Relighter
+from prelight.transport.direct import DiffuseTransfer
 from prelight.transport.exact import integrate_exactly
 from prelight.transport.path_tracing import path_traced_radiance
-from prelight.transport.visibility import Visibility
 
 from .scenes import ball_on_floor, grid, plane, scene_of
 
@@ -109,12 +111,11 @@ def test_against_the_path_tracer(ball):
 
 def test_blocks_lanes_and_memory_do_not_change_a_byte():
     scene = ball_on_floor(side=17, rings=10)
-    visibility = Visibility(scene.positions, scene.triangles, origins=scene.positions, normals=scene.normals)
+    transfer = DiffuseTransfer(Occluders(scene.positions, scene.triangles), scene.positions, scene.normals)
 
     def run(block: int, lanes: int, covered: np.ndarray | None = None):
         found = cluster_lights(
-            visibility,
-            scene.normals,
+            transfer,
             ClusterTest(27, 0.06, 3),
             covered=np.zeros((0, 5), np.int32) if covered is None else covered,
             block=block,
@@ -140,15 +141,15 @@ def test_every_accepted_cluster_passed_equation_11(rng):
     """Against transfer vectors made one by one in NumPy, for a sample of the leaves and of their parents."""
     scene = ball_on_floor(side=17, rings=10)
     R, tolerance = 32, 0.02
-    visibility = Visibility(scene.positions, scene.triangles, origins=scene.positions, normals=scene.normals)
+    transfer = DiffuseTransfer(Occluders(scene.positions, scene.triangles), scene.positions, scene.normals)
     groups = [
         group
         for group, _ in cluster_lights(
-            visibility,
-            scene.normals,
+            transfer,
             ClusterTest(R, tolerance, 3),
             covered=np.zeros((0, 5), np.int32),
             block=64,
+            lanes=1 << 20,
         )
     ]  # fmt: skip
     leaves = np.concatenate([g.leaves for g in groups])
@@ -158,9 +159,7 @@ def test_every_accepted_cluster_passed_equation_11(rng):
         columns = column + np.array([0, np.rint((width - 1) / 2), width - 1], int)
         texels = ((face * R + rows[:, None]) * R + columns[None]).ravel()
         d = texel_directions(texels, R)
-        bits, _ = visibility.trace(d)
-        seen = np.unpackbits(bits, axis=1, count=len(scene.positions), bitorder="little")
-        T = seen * np.maximum(d @ scene.normals.T, 0) / np.pi
+        T = transfer.values(transfer.trace(d, lanes=1 << 20)[0], d)[:, 0]
         assert (np.sqrt(((T - T.mean(axis=0)) ** 2).mean(axis=1)) < tolerance * 1.0001).all()
 
 
@@ -227,6 +226,18 @@ def test_the_same_bake_twice_is_the_same_bytes_whatever_the_memory(tmp_path):
         ({"tolerance": 0.01, "epsilon": 1e-5}, "not both"),
         ({"samples_per_side": 1}, "samples-per-side"),
         ({"memory": 10}, "memory"),
+        ({"zones": 0}, "zones"),
+        ({"zones": -3}, "zones"),
+        ({"zones": 4097}, "zones"),
+        ({"zones": 2.0}, "zones"),
+        ({"zones": True}, "zones"),
+        ({"zones": "many"}, "zones"),
+        ({"receivers": "faces"}, "receivers"),
+        ({"receivers": "pixels"}, "camera"),
+        ({"pixel_samples": 3}, "square"),
+        ({"pixel_samples": 81}, "pixel-samples"),
+        ({"width": 0}, "width"),
+        ({"height": 4096}, "height"),
     ],
 )
 def test_settings_out_of_range_are_refused(options, name):
@@ -250,6 +261,6 @@ def test_a_disk_that_is_too_small_is_said_before_any_ray(tmp_path, monkeypatch):
 
 
 def test_more_clusters_than_a_manifest_lists_are_refused(monkeypatch):
-    monkeypatch.setattr(environment_plan, "MOST_CLUSTERS", 10)
+    monkeypatch.setattr(environment_plan, "MOST_PARCELS", 0)
     with pytest.raises(InputError, match="clusters"):
         plan_environment(ball_on_floor(side=9, rings=6), EnvironmentSettings(resolution=8))

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from prelight.encoding import sparse_tiles
+from prelight.rays.mitsuba import Occluders
 from prelight.transport import direct
 from prelight.transport.ordering import receiver_order
+from prelight.transport.transfer import DarkTransfer
 from prelight.transport.visibility import Visibility
 
 from .scenes import ball_on_floor, grid, scene_of
@@ -66,9 +68,8 @@ def test_a_receiver_sees_what_is_not_behind_something():
     roof = grid(5, size=1.0, height=0.5)
     scene = scene_of(grid(21, size=3.0), roof)
     floor = slice(0, 21 * 21)
-    v = Visibility(
-        scene.positions, scene.triangles, origins=scene.positions[floor], normals=scene.normals[floor]
-    )
+    occluders = Occluders(scene.positions, scene.triangles)
+    v = Visibility(occluders, origins=scene.positions[floor], normals=scene.normals[floor])
     low = np.float32([np.cos(0.05), np.sin(0.05), 0])
     d = np.stack([[0, 1, 0], [0, -1, 0], low]).astype(np.float32)
     bits, rays = v.trace(d)
@@ -83,7 +84,9 @@ def test_a_receiver_sees_what_is_not_behind_something():
 
 def test_tiles_of_a_launch_do_not_change_what_is_seen(rng):
     scene = ball_on_floor(side=9, rings=6)
-    v = Visibility(scene.positions, scene.triangles, origins=scene.positions, normals=scene.normals)
+    v = Visibility(
+        Occluders(scene.positions, scene.triangles), origins=scene.positions, normals=scene.normals
+    )
     d = unit(rng, 40)
     whole, rays = v.trace(d)
     parts, rays_of_parts = v.trace(d, lanes=3 * v.receivers + 1)
@@ -91,11 +94,49 @@ def test_tiles_of_a_launch_do_not_change_what_is_seen(rng):
     np.testing.assert_array_equal(rays, rays_of_parts)
 
 
+def test_a_diffuse_transfer_is_its_bits_and_cosines(rng):
+    """One channel; the distances are those from `values`, whatever form rows have."""
+    scene = ball_on_floor(side=9, rings=6)
+    transfer = direct.DiffuseTransfer(
+        Occluders(scene.positions, scene.triangles), scene.positions, scene.normals
+    )
+    d = unit(rng, 2, 9)
+    rows, rays = transfer.trace(d.reshape(-1, 3), lanes=1 << 16)
+    assert (transfer.channels, rows.nbytes) == (1, 18 * transfer.row_bytes)
+    np.testing.assert_array_equal(rays, (d.reshape(-1, 3) @ scene.normals.T > 0).sum(axis=1))
+    T = transfer.values(rows, d.reshape(-1, 3)).reshape(2, 9, -1)
+    np.testing.assert_allclose(
+        T.reshape(18, -1), plain_transfer(rows, d.reshape(-1, 3), scene.normals), atol=1e-6
+    )
+    sample = np.arange(18, dtype=np.int32).reshape(2, 9)
+    expected = ((T - T.mean(axis=1, keepdims=True)) ** 2).sum(axis=2)
+    np.testing.assert_allclose(transfer.squared_distances(rows, sample, d), expected, rtol=1e-4)
+    columns, scale = transfer.quantized_means(rows, sample, d, d.mean(axis=1))
+    assert (columns.shape, scale.shape) == ((2, 1, len(scene.positions)), (2, 1))
+    np.testing.assert_allclose(columns[:, 0] * scale, T.mean(axis=1), atol=float(scale.max()) * 0.51)
+
+
+def test_in_the_dark_there_is_nothing_to_trace(rng):
+    dark, d = DarkTransfer(5, 3), unit(rng, 2, 4)
+    rows, rays = dark.trace(d[0], lanes=1)
+    sample = np.arange(8, dtype=np.int32).reshape(2, 4)
+    assert not rays.any()
+    assert rows.nbytes == 4 * dark.row_bytes
+    assert not dark.squared_distances(rows, sample, d).any()
+    columns, scale = dark.quantized_means(rows, sample, d, d[:, 0])
+    assert (columns.shape, scale.shape) == ((2, 3, 5), (2, 3))
+    assert not columns.any()
+    assert not scale.any()
+    assert dark.values(rows, d[0]).shape == (4, 3, 5)
+
+
 def test_a_second_launch_of_another_size_compiles_nothing(rng):
     import drjit as dr
 
     scene = ball_on_floor(side=9, rings=6)
-    v = Visibility(scene.positions, scene.triangles, origins=scene.positions, normals=scene.normals)
+    v = Visibility(
+        Occluders(scene.positions, scene.triangles), origins=scene.positions, normals=scene.normals
+    )
     v.trace(unit(rng, 8))
     dr.kernel_history_clear()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):

@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-LANGUAGES = {"sh", "python", "text", "json"}
+LANGUAGES = {"sh", "python", "text", "json", "toml"}
 NOT_OURS = {"uv.lock", "pylock.toml", "docs/decisions/NNNN-title.md"}  # named as examples
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.M | re.S)
 

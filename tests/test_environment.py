@@ -15,6 +15,7 @@ from prelight.lighting.environment import Environment
 from prelight.lighting.layouts import PICTURE_LAYOUTS
 
 SHAPES = {"latlong": (64, 128, 3), "angular": (90, 90, 3), "cross": (128, 96, 3), "cube": (6, 32, 32, 3)}
+OTHER_FACES = {"horizontal-cross": (96, 128, 3), "strip": (32, 192, 3), "tall-strip": (192, 32, 3)}
 RESOLUTIONS = (1, 2, 3, 17, 64, 255)
 
 
@@ -75,6 +76,25 @@ def cross_direction(row: int, column: int) -> np.ndarray:
         (1, 2): (1, -t, s), (2, 1): (s, -1, t), (3, 1): (s, t, 1),
     }[row // 32, column // 32]  # fmt: skip
     return np.array(d) / np.linalg.norm(d)
+
+
+def upright_direction(face: str, s: float, t: float) -> np.ndarray:
+    """A point of a picture of a face as seen from the middle: s to the right, t down."""
+    d = {
+        "right": (1, -t, s), "left": (-1, -t, -s), "top": (s, 1, -t), "bottom": (s, -1, t),
+        "front": (s, -t, -1), "back": (-s, -t, 1),
+    }[face]  # fmt: skip
+    return np.array(d) / np.linalg.norm(d)
+
+
+def face_direction(layout: str, row: int, column: int) -> np.ndarray:
+    order = ["right", "left", "top", "bottom", "front", "back"]
+    across = ["left", "front", "right", "back"]
+    i, j = row // 32, column // 32
+    face = {"strip": order[j % 6], "tall-strip": order[i % 6]}.get(layout)
+    if face is None:
+        face = {(0, 1): "top", (2, 1): "bottom"}.get((i, j)) or across[j]
+    return upright_direction(face, (2 * (column % 32) + 1) / 32 - 1, (2 * (row % 32) + 1) / 32 - 1)
 
 
 DIRECTION = {"latlong": latlong_direction, "angular": angular_direction, "cross": cross_direction}
@@ -155,6 +175,80 @@ def test_a_small_sun_keeps_its_energy_and_direction(
         centroid = (flux[..., None] * d).sum(axis=(0, 1, 2))
         off = np.arccos(centroid @ direction / np.linalg.norm(centroid))
         assert off < 0.25 * pixel + 0.5 * texel
+
+
+@pytest.mark.parametrize(
+    ("layout", "shape", "where", "direction"),
+    [
+        ("latlong", (2048, 4096, 3), (517, 3001), None),
+        ("latlong", (2048, 4096, 3), (0, 5), (0.0, 1.0, 0.0)),
+        ("angular", (1000, 1000, 3), (400, 700), None),
+        ("cube", (6, 512, 512, 3), (1, 511, 0), None),
+        ("horizontal-cross", (768, 1024, 3), (300, 40), None),
+    ],
+)
+@pytest.mark.parametrize("degrees", [0.0, 33.3])
+def test_one_hot_pixel_of_a_large_map_is_not_lost(
+    layout: str, shape: tuple[int, ...], where: tuple[int, ...], direction: tuple | None, degrees: float
+) -> None:
+    """A ten-thousandth of a texel, and half of all light: its energy stays, and stays in its place."""
+    pixels = np.ones(shape, np.float32)
+    if layout == "angular":
+        pixels = disc_only(pixels)
+    dark = Environment(pixels, layout).total
+    pixels[where] = 0.0
+    weight = (dark - Environment(pixels, layout).total)[0]
+    pixels[where] = 4.0 * np.pi / weight
+    if layout == "latlong":
+        y, x = ((place + 0.5) / size for place, size in zip(where, shape[:2], strict=True))
+        direction = direction or PICTURE_LAYOUTS[layout].directions(np.array(x), np.array(y))
+    elif layout == "angular":
+        y, x = ((place + 0.5) / size for place, size in zip(where, shape[:2], strict=True))
+        direction = PICTURE_LAYOUTS[layout].directions(np.array(x), np.array(y))
+    elif layout == "cube":
+        direction = np.array([-1.0, -1.0, -1.0]) / np.sqrt(3.0)  # lower left corner of −X
+    else:
+        direction = upright_direction("left", (40.5 / 128) - 1.0, (2 * 44.5 / 256) - 1.0)
+    flux = Environment(pixels, layout).rotated(degrees).cube(16)[..., 0].astype(np.float64) * areas(16)
+    assert flux.sum() == pytest.approx(8.0 * np.pi, rel=1e-5)
+    flux -= areas(16)
+    d, there = texel_directions(16), turned(np.array(direction), degrees)
+    near = np.arccos(np.clip(d @ there, -1.0, 1.0)) < np.radians(90.0 / 16 * 1.05)
+    assert flux[near].sum() == pytest.approx(4.0 * np.pi, rel=2e-3)
+    assert np.count_nonzero(flux > 0.02 * 4.0 * np.pi) <= 4
+
+
+@pytest.mark.parametrize("side", [1024, 1000])
+@pytest.mark.parametrize("layout", ["latlong", "cube"])
+def test_merging_pixels_first_changes_little(layout: str, side: int, rng: np.random.Generator) -> None:
+    """Light moves by less than an eighth of a texel, and none is lost."""
+    slope = np.array([0.5, -0.3, 0.4])
+    if layout == "latlong":
+        y, x = ((np.arange(n) + 0.5) / n for n in (side // 2, side))
+        d = PICTURE_LAYOUTS[layout].directions(x[None, :], y[:, None])
+    else:
+        d = texel_directions(side // 4)
+    for pixels, most in ((1.0 + d @ slope, 0.002), (rng.lognormal(0.0, 1.0, d.shape[:-1]), 0.05)):
+        environment = Environment(pixels[..., None] * np.ones(3), layout)
+        merged = resampling._merged(environment.pixels, 16, layout=layout)
+        assert merged.shape[-2] < environment.pixels.shape[-2]
+        np.testing.assert_allclose(Environment(merged, layout).total, environment.total, rtol=1e-6)
+        found, direct = (
+            resampling._scattered(p, 16, layout=layout, degrees=20.0, total=environment.total)[0]
+            for p in (merged, environment.pixels)
+        )
+        assert np.sqrt(np.mean((found / direct - 1.0) ** 2)) < most
+    hot = np.zeros_like(environment.pixels)
+    where = tuple(rng.integers(0, hot.shape[:-1]))
+    hot[where] = 1.0
+    merged = resampling._merged(hot, 16, layout=layout)
+    place = np.unravel_index(merged[..., 0].argmax(), merged.shape[:-1])
+    if layout == "latlong":
+        x, y = (place[1] + 0.5) / merged.shape[1], (place[0] + 0.5) / merged.shape[0]
+        there = PICTURE_LAYOUTS[layout].directions(np.array(x), np.array(y))
+    else:
+        there = texel_directions(merged.shape[1])[place]
+    assert np.linalg.norm(there - d[where]) < np.sqrt(2.0) / 8.0 * (2.0 / 16.0)
 
 
 @pytest.mark.parametrize("layout", ["latlong", "angular", "cube"])
@@ -292,6 +386,28 @@ def test_an_unturned_cross_is_given_back(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(Environment.from_cube(cube).cube(32), cube)
 
 
+@pytest.mark.parametrize("layout", OTHER_FACES)
+def test_other_pictures_of_faces_lie_as_they_are_seen(layout: str, rng: np.random.Generator) -> None:
+    """Every pixel of a face is one texel, where the picture seen from the middle says; and back again."""
+    pixels = rng.lognormal(0.0, 1.0, OTHER_FACES[layout]).astype(np.float32)
+    kind = PICTURE_LAYOUTS[layout]
+    inside = kind.unfold(np.ones((6, 32, 32, 3), np.float32))[..., 0] > 0
+    assert inside.sum() == 6 * 32 * 32
+    cube = Environment(pixels, layout).cube(32)
+    for row, column in zip(*(places[::13] for places in np.nonzero(inside)), strict=True):
+        face, u, v = cube_map.face_coordinates(face_direction(layout, row, column)[None])
+        at, to = int((v[0] + 1.0) * 16.0), int((u[0] + 1.0) * 16.0)
+        np.testing.assert_array_equal(cube[face[0], at, to], pixels[row, column])
+    np.testing.assert_array_equal(kind.unfold(cube)[inside], pixels[inside])
+
+
+def test_the_two_crosses_are_of_one_world(rng: np.random.Generator) -> None:
+    cube = rng.lognormal(0.0, 1.0, (6, 16, 16, 3)).astype(np.float32)
+    for layout in ("cross", *OTHER_FACES):
+        picture = PICTURE_LAYOUTS[layout].unfold(cube)
+        np.testing.assert_array_equal(Environment(picture, layout).cube(16), cube)
+
+
 @pytest.mark.parametrize(("side", "resolution"), [(12, 3), (12, 8), (8, 24), (7, 5), (5, 7), (1, 3), (3, 1)])
 def test_faces_overlap_texels_exactly(side: int, resolution: int, rng: np.random.Generator) -> None:
     faces = rng.lognormal(0.0, 1.0, (6, side, side, 3)).astype(np.float32)
@@ -367,9 +483,28 @@ def test_looking_nowhere_is_harmless_and_nan_is_refused() -> None:
 def test_one_thread_or_two_or_slabs_give_the_same_bits(
     layout: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    environment = Environment(textured(layout, rng), layout).rotated(31.0)
-    cube = environment.cube(64)
+    pixels = textured(layout, rng)
+
+    def anew() -> np.ndarray:
+        return Environment(pixels, layout).rotated(31.0).cube(64)  # another map, of which no cube is kept
+
+    cube = anew()
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
-    np.testing.assert_array_equal(environment.cube(64), cube)
+    np.testing.assert_array_equal(anew(), cube)
     monkeypatch.setattr(resampling, "_SLAB_TEXELS", 900)  # slabs of 14 rows
-    np.testing.assert_allclose(environment.cube(64), cube, rtol=3e-7)  # the total is summed in another order
+    np.testing.assert_allclose(anew(), cube, rtol=3e-7)  # the total is summed in another order
+
+
+def test_the_last_cube_is_kept_and_nobody_can_change_it(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    environment = Environment(textured("latlong", rng), "latlong").rotated(31.0)
+    first = environment.cube(16)
+    with monkeypatch.context() as patch:
+        patch.setattr(resampling, "resampled", None)  # would be called
+        np.testing.assert_array_equal(environment.scaled(2.0).cube(16), 2.0 * first)
+        environment.cube(16)[:] = 7.0
+        np.testing.assert_array_equal(environment.cube(16), first)
+    other = Environment(environment.pixels, "latlong").rotated(32.0).cube(16)
+    np.testing.assert_array_equal(environment.rotated(1.0).cube(16), other)
+    np.testing.assert_array_equal(environment.cube(16), first)

@@ -28,6 +28,9 @@ def grey(height: int, width: int) -> np.ndarray:
         (31, 31, "angular"),
         (100, 101, "angular"),
         (40, 30, "cross"),
+        (30, 40, "horizontal-cross"),
+        (8, 48, "strip"),
+        (48, 8, "tall-strip"),
     ],
 )
 def test_the_layout_is_recognised(tmp_path: Path, height: int, width: int, layout: str) -> None:
@@ -38,7 +41,7 @@ def test_the_layout_is_recognised(tmp_path: Path, height: int, width: int, layou
         np.testing.assert_allclose(environment.cube(4), 0.5, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("height", "width"), [(9, 16), (100, 103), (30, 40), (1, 6)])
+@pytest.mark.parametrize(("height", "width"), [(9, 16), (100, 103), (2, 6), (7, 1)])
 def test_other_proportions_are_refused_with_what_to_do(tmp_path: Path, height: int, width: int) -> None:
     write_exr(tmp_path / "map.exr", grey(height, width))
     with pytest.raises(InputError, match=rf"map\.exr: {width}×{height} .*latlong 2:1.*3:4.*--layout"):
@@ -61,6 +64,67 @@ def test_a_cross_off_by_a_pixel_is_refused(tmp_path: Path) -> None:
     write_exr(tmp_path / "map.exr", grey(401, 300))
     with pytest.raises(InputError, match=r"300×401 pixels do not make a vertical cross of 3×4 square faces"):
         Environment.open(tmp_path / "map.exr")
+
+
+# ---- Six pictures of faces ---------------------------------------------------------------------------------
+
+SETS = ["px nx py ny pz nz", "posx negx posy negy posz negz", "right left top bottom front back"]
+
+
+def write_faces(
+    folder: Path, *, names: str = SETS[0], pattern: str = "{}.hdr", side: int = 4
+) -> list[np.ndarray]:
+    """Six faces, each with a value of its own and a brighter first row."""
+    folder.mkdir(exist_ok=True)
+    pictures = []
+    for index, name in enumerate(names.split()):
+        picture = np.full((side, side, 3), index + 1.0, np.float32)
+        picture[0] += 0.5
+        write_hdr(folder / pattern.format(name), picture)
+        pictures.append(picture)
+    return pictures
+
+
+@pytest.mark.parametrize("names", SETS)
+@pytest.mark.parametrize("pattern", ["{}.hdr", "sky_{}.hdr", "Church-of.St-{}.HDR"])
+def test_six_pictures_make_an_environment(tmp_path: Path, names: str, pattern: str) -> None:
+    """Right +X, left −X, top, bottom, front −Z, back +Z; each upright as seen from the middle."""
+    write_faces(tmp_path / "sky", names=names, pattern=pattern)
+    (tmp_path / "sky" / "readme.txt").write_text("not a face")
+    by_folder = Environment.open(tmp_path / "sky")
+    by_name = Environment.open(str(tmp_path / "sky" / pattern.format("{face}")))
+    np.testing.assert_array_equal(by_folder.pixels, by_name.pixels)
+    assert by_folder.layout == "cube"
+    axes = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, -1), (0, 0, 1)], np.float32)
+    np.testing.assert_allclose(by_folder.radiance_along(axes)[:, 0], np.arange(6) + 1.0)
+    # The first row is the upper edge: up on the sides, behind on the top, in front on the bottom.
+    upper = np.array([(0, 1, 0)] * 2 + [(0, 0, 1), (0, 0, -1)] + [(0, 1, 0)] * 2, np.float32)
+    np.testing.assert_allclose(by_folder.radiance_along(axes + 0.75 * upper)[:, 0], np.arange(6) + 1.5)
+
+
+def test_six_faces_that_do_not_belong_together_are_refused(tmp_path: Path) -> None:
+    write_faces(tmp_path / "sky")
+    for name, picture, message in (
+        ("nz.hdr", grey(5, 5), "5×5 pixels, but px.hdr has 4; expected six of one size"),
+        ("nz.hdr", grey(4, 5), "5×4 pixels, expected a square picture of one face"),
+    ):
+        write_hdr(tmp_path / "sky" / name, picture)
+        with pytest.raises(InputError, match=message):
+            Environment.open(tmp_path / "sky")
+    (tmp_path / "sky" / "nz.hdr").unlink()
+    with pytest.raises(InputError, match=r"a folder without six pictures .*px nx py ny pz nz, or right left"):
+        Environment.open(tmp_path / "sky")
+    with pytest.raises(InputError, match=r"six pictures are needed; missing: nz\.hdr"):
+        Environment.open(tmp_path / "sky" / "{face}.hdr")
+    with pytest.raises(InputError, match=r"no such files; {face} stands for px nx"):
+        Environment.open(tmp_path / "{face}.exr")
+    with pytest.raises(InputError, match="six pictures are the faces of a cube"):
+        Environment.open(tmp_path / "sky", "latlong")
+    write_faces(tmp_path / "sky")
+    write_faces(tmp_path / "sky", pattern="b_{}.hdr")
+    with pytest.raises(InputError, match=r"more than one picture of a face \(b_px.hdr, px.hdr\)"):
+        Environment.open(tmp_path / "sky")
+    assert Environment.open(tmp_path / "sky" / "b_{face}.hdr").layout == "cube"
 
 
 def test_missing_files_are_refused_by_name(tmp_path: Path) -> None:

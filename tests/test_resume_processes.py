@@ -62,14 +62,15 @@ BAKER = """
 import os, sys
 sys.path.insert(0, sys.argv[1])
 from prelight.baking.environment import bake_planned
-from prelight.baking.environment_plan import EnvironmentPlan, EnvironmentSettings
+from prelight.baking.environment_plan import Cut, EnvironmentPlan
+from prelight.baking.environment_settings import EnvironmentSettings
 from tests.scenes import ball_on_floor
 
 scene = ball_on_floor()
 figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
 plan = EnvironmentPlan(
-    settings=EnvironmentSettings(resolution=24), receivers=len(scene.positions), triangles=len(scene.triangles),
-    tolerance=0.0135, lanes=1 << 18, block=48, **figures,
+    settings=EnvironmentSettings(resolution=24, zones=3), receivers=len(scene.positions),
+    triangles=len(scene.triangles), zones=3, tolerance=0.0135, cuts=(Cut(1 << 18, 48),) * 3, **figures,
 )
 bake_planned(scene, sys.argv[2], plan=plan, resume=True, report=lambda *_: print("working", flush=True))
 print("done", flush=True)

@@ -20,7 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from prelight.baking.environment import bake_planned
-from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
+from prelight.baking.environment_plan import Cut, plan_environment
+from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.bases.cube_map import solid_angles
 from prelight.errors import DamagedBakeError, InputError, OutputError
 from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
@@ -60,6 +61,7 @@ def write_array(root: Path, name: str, values: np.ndarray, chunk_shape: list[int
         "scene/normals": np.zeros((3, 3), np.float32),
         "scene/albedo": np.zeros((3, 3), np.float32),
         "scene/triangles": np.array([[0, 1, 2]], np.int32),
+        "scene/material_of": np.zeros(1, np.int32),
     }
     arrays, chunks = {}, {}
     for key, array in (scene | {name: values}).items():
@@ -76,7 +78,7 @@ def write_array(root: Path, name: str, values: np.ndarray, chunk_shape: list[int
         format=FORMAT,
         version=VERSION,
         settings={},
-        scene=SceneRecord(name="none", digest="0" * 64, cameras=[], notes=[]),
+        scene=SceneRecord(name="none", digest="0" * 64, cameras=[], notes=[], materials=[{}]),
         layers={},
         arrays=arrays,
         chunks=chunks,
@@ -163,7 +165,7 @@ def test_an_array_of_many_chunks_needs_few_open_files(tmp_path):
     try:
         bake = Bake.open(tmp_path)
         assert bake.array("x").tobytes() == values.tobytes()
-        assert sum(1 for _ in bake.verify()) == 304
+        assert sum(1 for _ in bake.verify()) == 305
         if sys.version_info < (3, 13):  # where every map keeps a handle: as many panels would
             with pytest.raises(OutputError, match="ulimit -n"):
                 _ = [bake.array("scene/positions") for _ in range(200)]
@@ -214,11 +216,11 @@ def test_two_real_bakes_are_the_same_bytes(tmp_path):
     threads = numba.get_num_threads()
     numba.set_num_threads(1)
     try:
-        two = bake_planned(scene, tmp_path / "two.prelight", plan=replace(plan, lanes=5000, block=9))
+        two = bake_planned(scene, tmp_path / "two.prelight", plan=replace(plan, cuts=(Cut(5000, 9),)))
     finally:
         numba.set_num_threads(threads)
-    assert plan.lanes > 5000
-    assert plan.block > 9
+    assert plan.cuts[0].lanes > 5000
+    assert plan.cuts[0].block > 9
     assert tree(one.path) == tree(two.path)
     assert one.seconds is None or one.seconds > 0  # a file system may not keep the note
 

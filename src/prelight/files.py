@@ -1,6 +1,7 @@
 """Writing files whole or not at all, and reading only what is a regular file.
 
-The only door through which Prelight writes to disk; fault-injection tests replace ``os`` calls here.
+The only door through which Prelight writes to disk; fault-injection tests replace ``os`` calls here. Files
+that a file names are read through `Resolver` alone.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ import contextlib
 import ctypes
 import errno
 import os
+import re
 import secrets
 import stat
 from pathlib import Path
+from urllib.parse import unquote
 
 from .errors import InputError, OutputError
 
@@ -86,8 +89,12 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
 
     Raises InputError for what is missing, not a regular file (a folder, pipe or device), empty or too large.
     """
+    return _read(path, limit=limit, flags=os.O_RDONLY | os.O_NONBLOCK)
+
+
+def _read(path: str | Path, *, limit: int, flags: int) -> bytes:
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        handle = os.open(path, flags)
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
             os.close(handle)
@@ -106,6 +113,56 @@ def read_regular(path: str | Path, *, limit: int) -> bytes:
         if isinstance(error, InputError):
             raise
         raise InputError(path, f"cannot read: {getattr(error, 'strerror', None) or error}") from None
+
+
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")  # of a URI, or a drive letter
+
+
+class Resolver:
+    """Reads the files that a file names: regular files inside one folder and nothing else, never a network.
+
+    Parameters
+    ----------
+    root
+        The folder, usually that of the naming file. Links inside it are followed as long as they stay inside.
+    """
+
+    def __init__(self, root: str | Path) -> None:
+        self.root = Path(os.path.realpath(root))
+
+    def path(self, name: str, *, uri: bool = False) -> Path:
+        """Where ``name`` lies, links resolved; the file itself is not touched.
+
+        ``uri``: percent escapes are decoded, once. Raises InputError, whose ``path`` is ``name``, for what is
+        absolute, a URL, written with backslashes or control characters, or leads out of the folder.
+        """
+        plain = unquote(name, errors="strict") if uri and "%" in name else name
+        if not plain or not plain.isprintable():
+            raise InputError(name, "expected a file's name without control characters")
+        if plain.startswith("/") or _SCHEME.match(plain):
+            raise InputError(
+                name, "expected a name relative to the file that names it, no address or full path"
+            )
+        if "\\" in plain:
+            raise InputError(name, "expected a name with / between folders, not a backslash")
+        found = Path(os.path.realpath(self.root / plain))
+        if found == self.root or not found.is_relative_to(self.root):
+            raise InputError(name, "leads out of the folder of the file that names it, so it is not read")
+        return found
+
+    def read(self, name: str, *, limit: int, uri: bool = False) -> bytes:
+        """All bytes of the file called ``name``, at most ``limit``.
+
+        Raises InputError, whose ``path`` is ``name``, as `path` and `read_regular` do.
+        """
+        try:
+            # Not a link any more: one that appears in between is refused.
+            flags = os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW
+            return _read(self.path(name, uri=uri), limit=limit, flags=flags)
+        except InputError as error:
+            raise InputError(name, error.reason) from None
+        except ValueError:
+            raise InputError(name, "expected a file's name in UTF-8") from None
 
 
 def swap_folders(new: Path, old: Path) -> None:

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Normals, UInt8
+from ..arrays import Float32, UInt8
 from ..bases.cube_map import mean_directions, texel_directions
 from ..bases.quadtree import LeafCover, Nodes, sample_texels, split
-from ..transport.direct import quantized_means, squared_distances
-from ..transport.visibility import MAX_LANES, Visibility
+from ..transport.transfer import Transfer
 
 
 @dataclass(frozen=True)
@@ -35,9 +34,9 @@ class Clusters:
     """Consecutive leaves, their transfer vectors as bytes, and what they cost."""
 
     leaves: Nodes  # (C, 5)
-    columns: UInt8[np.ndarray, "clusters receivers"]  # receivers in storage order
-    scale: Float32[np.ndarray, "clusters"]
-    rays: np.ndarray  # (C,) traced lanes, int64; a split node's are counted with its first leaf
+    columns: UInt8[np.ndarray, "clusters channels receivers"]  # receivers in storage order
+    scale: Float32[np.ndarray, "clusters channels"]
+    rays: np.ndarray  # (C,) int64; a split node's are counted with its first leaf
 
 
 @dataclass(frozen=True)
@@ -47,106 +46,111 @@ class Progress:
     texels_done: int  # covered by leaves
     nodes_tested: int
     rays: int  # traced so far, active lanes
-    lanes: int  # receiver-directions, masked ones included
+    lanes: int  # receiver-directions, those without a ray included
 
 
 class _SampleStore:
-    """Visibility of the environment lights that some open node still needs (section 4.2)."""
+    """Rows of the environment lights that some open node still needs (section 4.2).
 
-    def __init__(self, visibility: Visibility, resolution: int, lanes: int) -> None:
-        self._visibility, self._resolution, self._lanes = visibility, resolution, lanes
-        self._texels = np.zeros(0, np.int64)  # sorted
-        self._bits = np.zeros((0, -(-visibility.receivers // 8)), np.uint8)
-        self._rays = np.zeros(0, np.int64)
+    Rows keep their place while they are needed, so that nothing is copied; a place that falls free is the
+    next to be used. Memory never touched costs nothing: the pool begins large.
+    """
+
+    def __init__(self, transfer: Transfer, resolution: int, *, lanes: int, capacity: int) -> None:
+        self._transfer, self._resolution, self._lanes = transfer, resolution, lanes
+        self._texels = np.zeros(0, np.int64)  # known, sorted
+        self._places = np.zeros(0, np.int32)  # of each in the pool
+        self._rays = np.zeros(capacity, np.int32)  # by place
+        self._free = np.arange(capacity, dtype=np.int32)  # ascending
+        self.rows: np.ndarray | None = None
         self.lanes_traced = 0
 
-    def rows_of(self, texels: np.ndarray) -> np.ndarray:
-        """Row of each texel in ``bits``, −1 where the texel is −1; traces those not yet known."""
+    def places_of(self, texels: np.ndarray) -> np.ndarray:
+        """Row of each texel in ``rows``, −1 where the texel is −1; traces those not yet known."""
         wanted = np.unique(texels[texels >= 0])
         missing = np.setdiff1d(wanted, self._texels, assume_unique=True)
         if len(missing):
-            bits, rays = self._visibility.trace(
-                texel_directions(missing, self._resolution), lanes=self._lanes
-            )
-            self.lanes_traced += len(missing) * self._visibility.receivers
-            texels_known = np.concatenate([self._texels, missing])
-            order = np.argsort(texels_known)
-            self._texels = texels_known[order]
-            self._bits = np.concatenate([self._bits, bits])[order]
-            self._rays = np.concatenate([self._rays, rays])[order]
-        rows = np.searchsorted(self._texels, texels)
-        return np.where(texels >= 0, rows, -1).astype(np.int32)
+            rows, rays = self._transfer.trace(texel_directions(missing, self._resolution), lanes=self._lanes)
+            self.lanes_traced += len(missing) * self._transfer.receivers
+            self._insert(missing, rows, rays)
+        known = np.searchsorted(self._texels, texels)
+        places = self._places[np.minimum(known, len(self._places) - 1)]
+        return np.where(texels >= 0, places, -1).astype(np.int32)
 
-    @property
-    def bits(self) -> np.ndarray:
-        return self._bits
+    def _insert(self, texels: np.ndarray, rows: np.ndarray, rays: np.ndarray) -> None:
+        if self.rows is None:
+            self.rows = np.empty((len(self._rays), *rows.shape[1:]), rows.dtype)
+        if (lacking := len(texels) - len(self._free)) > 0:
+            size = len(self._rays)
+            more = max(lacking, size // 2)
+            self._free = np.concatenate([self._free, np.arange(size, size + more, dtype=np.int32)])
+            self._rays = np.concatenate([self._rays, np.zeros(more, np.int32)])
+            grown = np.empty((size + more, *self.rows.shape[1:]), self.rows.dtype)
+            grown[:size] = self.rows
+            self.rows = grown
+        places, self._free = self._free[: len(texels)], self._free[len(texels) :]
+        self.rows[places], self._rays[places] = rows, rays
+        at = np.searchsorted(self._texels, texels)
+        self._texels = np.insert(self._texels, at, texels)
+        self._places = np.insert(self._places, at, places)
 
-    def rays_of(self, rows: np.ndarray, new: np.ndarray) -> np.ndarray:
-        """Traced lanes of each node's samples that its parent did not have."""
-        return np.where(new, self._rays[rows], 0).sum(axis=1)
+    def rays_of(self, places: np.ndarray, new: np.ndarray) -> np.ndarray:
+        """Traced rays of each node's samples that its parent did not have."""
+        return np.where(new, self._rays[places], 0).sum(axis=1, dtype=np.int64)
 
     def keep(self, texels: np.ndarray) -> None:
         """Forget all lights but these: the others have found their cluster."""
         kept = np.isin(self._texels, texels)
-        self._texels, self._bits, self._rays = self._texels[kept], self._bits[kept], self._rays[kept]
+        self._free = np.union1d(self._free, self._places[~kept])
+        self._texels, self._places = self._texels[kept], self._places[kept]
 
 
 def cluster_lights(
-    visibility: Visibility,
-    normals: Normals,
-    test: ClusterTest,
-    *,
-    covered: Nodes,
-    block: int,
-    lanes: int = MAX_LANES,
+    transfer: Transfer, test: ClusterTest, *, covered: Nodes, block: int, lanes: int
 ) -> Iterator[tuple[Clusters, Progress]]:
     """Leaves in Z-order after ``covered``, as many at a time as a block of nodes has settled.
 
     Parameters
     ----------
-    visibility, normals
-        The receivers in storage order.
+    transfer
+        The receivers, in storage order.
     covered
         Leaves found earlier; the walk goes on behind them.
     block, lanes
         Open nodes examined and rays traced at a time; they bound memory and do not change the result.
     """
     resolution, samples_per_side = test.resolution, test.samples_per_side
-    store = _SampleStore(visibility, resolution, lanes)
-    by_axis = np.ascontiguousarray(normals.T)
+    store = _SampleStore(transfer, resolution, lanes=lanes, capacity=rows_at_once(block, samples_per_side))
     nodes, parents = LeafCover(covered, resolution).uncovered()
     is_leaf = np.zeros(len(nodes), bool)
     carried = np.zeros(len(nodes), np.int64)  # rays of ancestors, paid by their first leaf
-    held: dict[int, tuple[np.ndarray, float]] = {}  # first texel of a leaf -> its column and scale
+    held: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # first texel of a leaf -> its columns and scales
     tested = rays = 0
-    limit = test.tolerance**2 * visibility.receivers
+    limit = test.tolerance**2 * transfer.receivers
 
     while len(nodes):
         # ---- 4.1 select samples, 4.2 their transfer vectors -----------------------------------
         open_nodes = np.flatnonzero(~is_leaf)[:block]
         texels = sample_texels(nodes[open_nodes], samples_per_side, resolution)
-        rows = store.rows_of(texels)
+        places = store.places_of(texels)
         d = texel_directions(np.maximum(texels, 0).ravel(), resolution).reshape(*texels.shape, 3)
         new = (texels >= 0) & ~_in_parent(
             texels, parents[open_nodes], nodes[open_nodes], samples_per_side, resolution
         )
-        cost = store.rays_of(rows, new)
+        cost = store.rays_of(places, new)
         carried[open_nodes] += cost
         rays += int(cost.sum())
         tested += len(open_nodes)
 
         # ---- 4.3 clustering test (Eq. 11) -----------------------------------------------------
-        distance = np.empty(rows.shape, np.float64)
-        squared_distances(store.bits, rows, d, by_axis, distance)
+        distance = transfer.squared_distances(store.rows, places, d)
         similar = distance.max(axis=1) < limit
         similar |= (texels >= 0).sum(axis=1) == 1  # a single light is a cluster whatever rounding says
 
         # ---- Eq. 10: the clusters' own vectors ------------------------------------------------
         accepted = open_nodes[similar]
-        columns = np.empty((len(accepted), visibility.receivers), np.uint8)
-        scale = np.empty(len(accepted), np.float32)
         D_C = mean_directions(nodes[accepted], resolution).astype(np.float32)
-        quantized_means(store.bits, rows[similar], d[similar], D_C, by_axis, columns, scale)
+        columns, scale = transfer.quantized_means(store.rows, places[similar], d[similar], D_C)
         for key, column, s in zip(_first_texels(nodes[accepted], resolution), columns, scale, strict=True):
             held[int(key)] = (column, s)
         is_leaf[accepted] = True
@@ -160,8 +164,8 @@ def cluster_lights(
         taken = [held.pop(key) for key in keys]
         found = Clusters(
             nodes[:settled],
-            np.stack([c for c, _ in taken]) if taken else np.zeros((0, visibility.receivers), np.uint8),
-            np.array([s for _, s in taken], np.float32),
+            np.stack([c for c, _ in taken]) if taken else np.empty((0, *columns.shape[1:]), np.uint8),
+            np.stack([s for _, s in taken]) if taken else np.empty((0, transfer.channels), np.float32),
             carried[:settled],
         )
         nodes, parents = nodes[settled:], parents[settled:]
@@ -169,6 +173,11 @@ def cluster_lights(
         store.keep(sample_texels(nodes[~is_leaf], samples_per_side, resolution))
         done = 6 * resolution**2 - int(_texels_left(nodes))
         yield found, Progress(done, tested, rays, store.lanes_traced)
+
+
+def rows_at_once(block: int, samples_per_side: int) -> int:
+    """Rows that a walk needs at a time, about: all samples of a block, and those its open neighbours share."""
+    return block * samples_per_side**2 + 4 * (block + 64)
 
 
 def _texels_left(nodes: Nodes) -> int:

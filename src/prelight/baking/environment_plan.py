@@ -1,4 +1,4 @@
-"""What an environment bake will cost, before it is paid: a pilot bake for a few receivers.
+"""What an environment bake will cost, before it is paid: a pilot bake for a few receivers of some zones.
 
 The test of Eq. 11 is a mean over receivers, so a random sample of them finds nearly the same
 clusters; rays, bytes and seconds follow in proportion, with speeds measured on this machine.
@@ -6,7 +6,6 @@ clusters; rays, bytes and seconds follow in proportion, with speeds measured on 
 
 from __future__ import annotations
 
-import math
 import os
 import statistics
 import time
@@ -15,81 +14,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bases.cube_map import MAX_RESOLUTION, mean_directions, texel_directions
-from ..encoding.sparse_tiles import GROUP, PANEL, TILE, groups_of
+from ..bases.cube_map import mean_directions, texel_directions
+from ..bases.quadtree import Nodes
+from ..encoding.sparse_tiles import GROUP, PANEL, TILE, panels_of_parcel
 from ..errors import InputError
 from ..scene.geometry import Scene
-from ..transport.direct import quantized_means, squared_distances
-from ..transport.ordering import receiver_order
-from ..transport.visibility import BYTES_PER_LANE, MAX_LANES, Visibility
-from .clustering import ClusterTest, cluster_lights
+from ..transport import viewed, visibility
+from ..transport.transfer import Transfer
+from .clustering import cluster_lights, rows_at_once
+from .environment_settings import EnvironmentSettings
+from .layer_receivers import LayerReceivers
+from .zones import DARK, DIFFUSE, Zone
 
-MOST_CLUSTERS = 4_000_000  # what the manifest of a bake can list
-DEFAULT_TOLERANCE = 0.0135  # the Bunny of the paper at ε = 5e-5
+MOST_PARCELS = 10_000  # what the manifest of a bake can list
 _PROCESS_BYTES = 290_000_000  # Python, the renderer and its compiler, measured
 _BYTES_PER_TRIANGLE = 200  # of the renderer's tree, measured
-_BYTES_PER_NODE = 6  # a receiver: sample bits, transfer vector, its copies
+_BYTES_PER_ROW = 120  # of receivers and their copies
+_COPIES_OF_COLUMNS = 4  # of an element found, until it is written
 _PANEL_COPIES = 2.5
-_LEAST_MEMORY = 500_000_000
 _USED_SHARE = 0.9  # of the memory allowed: the figures above are measured, not guaranteed
+_PILOT_ZONES = 24
+_PILOT_RECEIVERS = 128  # of a zone, at least
 
 
 @dataclass(frozen=True)
-class EnvironmentSettings:
-    """What to bake.
+class Cut:
+    """How the work on a zone is cut to stay within memory."""
 
-    Parameters
-    ----------
-    resolution
-        R: the environment is a cube map of 6·R·R lights; 1 to 4096.
-    tolerance
-        τ, the RMS over receivers, in units of transfer (a fully lit receiver facing the light has
-        1/π), by which a light may differ from its cluster. Default 0.0135.
-    epsilon
-        The paper's ε = τ/√N instead of ``tolerance``; give one of the two.
-    samples_per_side
-        s: s×s sample lights for each node of the quadtree; 2 to 9.
-    memory
-        Bytes the process may use; default half of this machine's.
-    """
-
-    resolution: int = 256
-    tolerance: float | None = None
-    epsilon: float | None = None
-    samples_per_side: int = 3
-    memory: int | None = None
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.resolution, int) and 1 <= self.resolution <= MAX_RESOLUTION):
-            raise InputError(
-                "resolution", f"{self.resolution!r}, expected a whole number from 1 to {MAX_RESOLUTION}"
-            )
-        if not (isinstance(self.samples_per_side, int) and 2 <= self.samples_per_side <= 9):
-            raise InputError(
-                "samples-per-side", f"{self.samples_per_side!r}, expected a whole number from 2 to 9"
-            )
-        if self.tolerance is not None and self.epsilon is not None:
-            raise InputError(
-                "tolerance", "give --tolerance or --epsilon, not both: tolerance = epsilon·√receivers"
-            )
-        for name in ("tolerance", "epsilon"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and 0 < value <= 1):
-                raise InputError(name, f"{value!r}, expected a number above 0 and at most 1")
-        if self.memory is not None and self.memory < _LEAST_MEMORY:
-            raise InputError(
-                "memory", f"{self.memory / 1e9:.2f} GB, a bake needs at least {_LEAST_MEMORY / 1e9} GB"
-            )
-
-    def tolerance_for(self, receivers: int) -> float:
-        """τ for this number of receivers."""
-        if self.epsilon is not None:
-            return self.epsilon * math.sqrt(receivers)
-        return DEFAULT_TOLERANCE if self.tolerance is None else self.tolerance
-
-    def test_for(self, receivers: int) -> ClusterTest:
-        """The clustering test for this number of receivers."""
-        return ClusterTest(self.resolution, self.tolerance_for(receivers), self.samples_per_side)
+    lanes: int  # of a launch
+    block: int  # nodes examined at a time
 
 
 @dataclass(frozen=True)
@@ -99,20 +52,21 @@ class EnvironmentPlan:
     settings: EnvironmentSettings
     receivers: int
     triangles: int
+    zones: int
     tolerance: float
-    clusters: int
+    clusters: int  # of all zones
     rays: int  # active lanes
-    receiver_directions: int  # masked lanes included
+    receiver_directions: int  # those without a ray included
     seconds: float
     memory: int  # bytes, peak of the process
     bytes: int  # on disk
-    lanes: int  # of a launch
-    block: int  # nodes examined at a time
+    cuts: tuple[Cut, ...]  # one a zone
 
     def summary(self) -> dict:
         """What ``--dry-run --json`` prints."""
-        names = ("receivers", "triangles", "tolerance", "clusters", "rays", "seconds", "memory", "bytes")
-        return {"resolution": self.settings.resolution} | {name: getattr(self, name) for name in names}
+        names = ("receivers", "triangles", "zones", "tolerance", "clusters", "rays", "seconds", "memory")
+        figures = {name: getattr(self, name) for name in (*names, "bytes")}
+        return {"resolution": self.settings.resolution} | figures
 
 
 def machine_memory() -> int:
@@ -122,97 +76,156 @@ def machine_memory() -> int:
 
 def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int = 0) -> EnvironmentPlan:
     """Estimate a bake, typically within ten percent; costs a few percent of it."""
-    R = len(scene.positions)
-    lanes, block, peak = _cut(scene, settings)
-    order = receiver_order(scene.positions, scene.normals)
-    positions, normals = scene.positions[order], scene.normals[order]
+    layer = LayerReceivers(scene, settings)
+    zones = layer.zones
+    cuts, peak = _cuts(layer)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
-
-    pilot = min(R, max(400, min(2000, R // 40)))
-    edges = np.linspace(0, R, pilot + 1).astype(np.int64)
-    chosen = rng.integers(edges[:-1], edges[1:])  # one from each stretch of the order: neighbours see alike
-    few = Visibility(scene.positions, scene.triangles, origins=positions[chosen], normals=normals[chosen])
-    leaves, rays, lanes_traced, nodes = [], 0, 0, 0
-    for group, progress in cluster_lights(
-        few,
-        normals[chosen],
-        settings.test_for(R),
-        covered=np.zeros((0, 5), np.int32),
-        block=4096,
-        lanes=lanes,
-    ):
-        leaves.append(group.leaves)
-        rays, lanes_traced, nodes = progress.rays, progress.lanes, progress.nodes_tested
-    found = np.concatenate(leaves)
-    if len(found) > MOST_CLUSTERS:
-        reason = (
-            f"{settings.tolerance_for(R):g} needs about {len(found):,} clusters, {MOST_CLUSTERS:,} at most"
+    speeds: dict[str, _Speed] = {}
+    known: dict[int, _Estimate] = {}
+    for z in np.unique(np.linspace(0, len(zones) - 1, min(len(zones), _PILOT_ZONES)).round().astype(int)):
+        estimate, leaves = _pilot(layer, zones[z], cuts[z], rng)
+        known[int(z)] = estimate
+        if zones[z].kind not in speeds:
+            speeds[zones[z].kind] = _speed(layer.transfer(zones[z]), leaves, settings)
+    total = [known.get(z) or _like(zone, zones, known) for z, zone in enumerate(zones)]
+    clusters = sum(e.clusters for e in total)
+    parcels = sum(-(-e.clusters // _parcel(zone)) for e, zone in zip(total, zones, strict=True))
+    if parcels > MOST_PARCELS:
+        reason = f"{settings.tolerance_for(layer.count):g} needs about {clusters:,.0f} clusters in"
+        reason += (
+            f" {parcels:,.0f} files, {MOST_PARCELS:,} at most; choose a larger one or a smaller --resolution"
         )
-        raise InputError("tolerance", reason + "; choose a larger one or a smaller --resolution")
-
-    scale = R / pilot
-    all_ = Visibility(scene.positions, scene.triangles, origins=positions, normals=normals)
-    trace_seconds, node_seconds = _speeds(all_, normals, found, settings)
-    tiles = _tile_share(scene, order, found, settings, rng)
-    panels = -(-len(found) // PANEL)
-    stored = tiles * -(-len(found) // TILE) * groups_of(R) * TILE * GROUP
-    size = int(stored) + panels * (2 * groups_of(R) + 24 * PANEL) + R * 40 + len(scene.triangles) * 12
-    seconds = lanes_traced * scale * trace_seconds + nodes * node_seconds + size / 400e6 + panels * 0.02
+        raise InputError("tolerance", reason)
+    size = int(sum(e.bytes for e in total)) + layer.count * 40 + len(scene.triangles) * 16
+    seconds = size / 400e6
+    for estimate, zone in zip(total, zones, strict=True):
+        speed = speeds.get(zone.kind, next(iter(speeds.values())))
+        seconds += estimate.lanes * speed.lane + estimate.nodes * len(zone.rows) * speed.node
     return EnvironmentPlan(
         settings=settings,
-        receivers=R,
+        receivers=layer.count,
         triangles=len(scene.triangles),
-        tolerance=settings.tolerance_for(R),
-        clusters=len(found),
-        rays=int(rays * scale),
-        receiver_directions=int(lanes_traced * scale),
-        seconds=seconds,
+        zones=len(zones),
+        tolerance=settings.tolerance_for(layer.count),
+        clusters=round(clusters),
+        rays=int(sum(e.rays for e in total)),
+        receiver_directions=int(sum(e.lanes for e in total)),
+        seconds=float(seconds + 0.02 * parcels),
         memory=peak,
         bytes=size,
-        lanes=lanes,
-        block=block,
+        cuts=tuple(cuts),
     )
 
 
-def _cut(scene: Scene, settings: EnvironmentSettings) -> tuple[int, int, int]:
-    """Lanes of a launch, nodes of a block, and the peak they lead to."""
-    R, F, s2 = len(scene.positions), len(scene.triangles), settings.samples_per_side**2
+def _parcel(zone: Zone) -> int:
+    """Clusters of a parcel."""
+    return PANEL * panels_of_parcel(zone.groups, zone.channels)
+
+
+def _cuts(layer: LayerReceivers) -> tuple[list[Cut], int]:
+    """Lanes of a launch and nodes of a block for every zone, and the peak they lead to."""
+    settings, F = layer.settings, len(layer.scene.triangles)
     memory = settings.memory or machine_memory() // 2
-    fixed = _PROCESS_BYTES + F * _BYTES_PER_TRIANGLE + R * (120 + PANEL * _PANEL_COPIES)
-    left = _USED_SHARE * memory - fixed
-    if left < BYTES_PER_LANE * R + 8 * _BYTES_PER_NODE * R or left <= 0:
-        least = (fixed + (BYTES_PER_LANE + 8 * _BYTES_PER_NODE) * R) / _USED_SHARE / 1e9 + 0.05
-        reason = f"{memory / 1e9:.1f} GB is not enough for {R:,} receivers; at least {least:.1f} GB is"
-        raise InputError("memory", reason)
-    lanes = int(min(MAX_LANES, max(R, left // 2 // BYTES_PER_LANE)))
-    block = int(min(left // 2 // (_BYTES_PER_NODE * R), max(8, 2 * lanes // (R * s2)), 4096))
-    block = max(1, block)
-    return (
-        lanes,
-        block,
-        int(fixed + min(lanes, block * s2 * R) * BYTES_PER_LANE + block * _BYTES_PER_NODE * R),
-    )
-
-
-def _speeds(visibility: Visibility, normals: np.ndarray, leaves: np.ndarray, settings: EnvironmentSettings):
-    """Seconds for a receiver-direction and for the arithmetic of a node, measured on a few leaves."""
+    cuts, peak = [], 0
     s2 = settings.samples_per_side**2
-    count = max(2, min(16, 2_000_000 // (visibility.receivers * s2) + 2))
+    for zone in layer.zones:
+        R = len(zone.rows)
+        element = zone.channels * R
+        fixed = _PROCESS_BYTES + F * _BYTES_PER_TRIANGLE + layer.count * _BYTES_PER_ROW
+        fixed += _parcel(zone) * zone.groups * GROUP * zone.channels * _PANEL_COPIES
+        row = R / 8 if zone.kind == DIFFUSE else 4 * element
+        node = (
+            s2 + rows_at_once(1024, settings.samples_per_side) / 1024
+        ) * row + _COPIES_OF_COLUMNS * element
+        kind = visibility if zone.kind == DIFFUSE else viewed
+        lane, points = kind.BYTES_PER_LANE, R * (settings.pixel_samples if layer.is_picture else 1)
+        left = _USED_SHARE * memory - fixed
+        if left < lane * points + 8 * node or left <= 0:
+            least = (fixed + lane * points + 8 * node) / _USED_SHARE / 1e9 + 0.05
+            reason = f"{memory / 1e9:.1f} GB is not enough for {layer.count:,} receivers; at least {least:.1f} GB is"
+            raise InputError("memory", reason)
+        lanes = int(min(kind.MAX_LANES, max(points, left // 2 // lane)))
+        block = max(1, int(min(left // 2 // node, max(8, 2 * lanes // (points * s2)), 4096)))
+        cuts.append(Cut(lanes, block))
+        peak = max(peak, int(fixed + min(lanes, block * s2 * points) * lane + block * node))
+    return cuts, peak
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """Of one zone."""
+
+    clusters: float
+    rays: float
+    lanes: float
+    nodes: float
+    bytes: float
+
+
+@dataclass(frozen=True)
+class _Speed:
+    lane: float  # seconds for a receiver-direction
+    node: float  # seconds for a receiver of a node: the arithmetic of Eqs. 10 and 11
+
+
+def _pilot(layer: LayerReceivers, zone: Zone, cut: Cut, rng: np.random.Generator) -> tuple[_Estimate, Nodes]:
+    """Bake a few receivers of a zone, in memory."""
+    R, settings = len(zone.rows), layer.settings
+    share = max(1000, min(2000, layer.count // 40)) // len(layer.zones)
+    pilot = min(R, max(share, _PILOT_RECEIVERS))
+    edges = np.linspace(0, R, pilot + 1).astype(np.int64)
+    chosen = rng.integers(edges[:-1], edges[1:])  # one from each stretch of the order: neighbours see alike
+    leaves, rays, lanes, nodes = [], 0, 0, 0
+    for group, progress in cluster_lights(
+        layer.transfer(zone, zone.rows[chosen]),
+        settings.test_for(layer.count),
+        covered=np.zeros((0, 5), np.int32),
+        block=max(cut.block, min(4096, cut.block * R // pilot)),
+        lanes=cut.lanes,
+    ):
+        leaves.append(group.leaves)
+        rays, lanes, nodes = progress.rays, progress.lanes, progress.nodes_tested
+    found = np.concatenate(leaves)
+    panels = -(-len(found) // PANEL)
+    groups = zone.groups * zone.channels
+    tiles = _tile_share(layer, zone, found, rng) * -(-len(found) // TILE) * groups
+    size = tiles * TILE * GROUP + panels * (2 * groups + (20 + 4 * zone.channels) * PANEL)
+    scale = R / pilot
+    return _Estimate(len(found), rays * scale, lanes * scale, nodes, size), found
+
+
+def _like(zone: Zone, zones: list[Zone], known: dict[int, _Estimate]) -> _Estimate:
+    """An estimate for a zone without a pilot, from those of its kind."""
+    alike = [(e, zones[z]) for z, e in known.items() if zones[z].kind == zone.kind] or [
+        (e, zones[z]) for z, e in known.items()
+    ]
+    of = {}
+    for name in ("clusters", "rays", "lanes", "nodes", "bytes"):
+        by_receiver = name in ("rays", "lanes", "bytes")
+        values = [getattr(e, name) * (len(zone.rows) / len(z.rows) if by_receiver else 1) for e, z in alike]
+        of[name] = float(np.mean(values))
+    return _Estimate(**of)
+
+
+def _speed(transfer: Transfer, leaves: Nodes, settings: EnvironmentSettings) -> _Speed:
+    """Measured on a few leaves."""
+    s2 = settings.samples_per_side**2
+    count = min(1024, 2_000_000 // (transfer.receivers * s2) + 2)
     few = leaves[np.linspace(0, len(leaves) - 1, min(count, len(leaves))).astype(int)]
     D = mean_directions(few, settings.resolution).astype(np.float32)
     d = np.repeat(D / np.linalg.norm(D, axis=1, keepdims=True), s2, axis=0)
-    bits, _ = visibility.trace(d)
-    traced = statistics.median(_seconds(lambda: visibility.trace(d)) for _ in range(3))
-    rows = np.arange(len(d), dtype=np.int32).reshape(len(few), s2)
-    by_axis = np.ascontiguousarray(normals.T)
-    columns, scale = np.empty((len(few), visibility.receivers), np.uint8), np.empty(len(few), np.float32)
+    rows, _ = transfer.trace(d, lanes=visibility.MAX_LANES)
+    traced = statistics.median(
+        _seconds(lambda: transfer.trace(d, lanes=visibility.MAX_LANES)) for _ in range(3)
+    )
+    places = np.arange(len(d), dtype=np.int32).reshape(len(few), s2)
 
     def compute() -> None:
-        squared_distances(bits, rows, d.reshape(-1, s2, 3), by_axis, np.empty(rows.shape))
-        quantized_means(bits, rows, d.reshape(-1, s2, 3), D, by_axis, columns, scale)
+        transfer.squared_distances(rows, places, d.reshape(-1, s2, 3))
+        transfer.quantized_means(rows, places, d.reshape(-1, s2, 3), D)
 
     computed = statistics.median(_seconds(compute) for _ in range(3))
-    return traced / (len(d) * visibility.receivers), computed / len(few)
+    return _Speed(traced / (len(d) * transfer.receivers), computed / (len(few) * transfer.receivers))
 
 
 def _seconds(act: Callable[[], object]) -> float:
@@ -221,22 +234,23 @@ def _seconds(act: Callable[[], object]) -> float:
     return time.perf_counter() - started
 
 
-def _tile_share(
-    scene: Scene, order: np.ndarray, leaves: np.ndarray, settings: EnvironmentSettings, rng
-) -> float:
+def _tile_share(layer: LayerReceivers, zone: Zone, leaves: Nodes, rng: np.random.Generator) -> float:
     """Share of tiles that are not all zero, from whole groups of receivers and each leaf's centre."""
-    groups = len(order) // GROUP
-    if groups == 0:
-        return 1.0
-    chosen = np.sort(rng.choice(groups, min(groups, 96), replace=False))
-    receivers = order[(chosen[:, None] * GROUP + np.arange(GROUP)).ravel()]
-    view = Visibility(
-        scene.positions, scene.triangles, origins=scene.positions[receivers], normals=scene.normals[receivers]
-    )
-    R = settings.resolution
+    groups = len(zone.rows) // GROUP
+    if groups == 0 or zone.kind == DARK:
+        return float(groups == 0)
+    most = max(4, 96 // len(layer.zones))
+    chosen = np.sort(rng.choice(groups, min(groups, most), replace=False))
+    rows = zone.rows[(chosen[:, None] * GROUP + np.arange(GROUP)).ravel()]
+    transfer, R = layer.transfer(zone, rows), layer.settings.resolution
     face, row, column, height, width = leaves.astype(np.int64).T
     centres = texel_directions((face * R + row + height // 2) * R + column + width // 2, R)
-    bits, _ = view.trace(centres)
-    seen = bits.reshape(len(leaves), len(chosen), GROUP // 8).any(axis=2)
+    seen = np.empty((len(leaves), transfer.channels, len(chosen)), bool)
+    step = max(1, 4_000_000 // (transfer.channels * transfer.receivers))
+    for start in range(0, len(leaves), step):
+        d = centres[start : start + step]
+        T = transfer.values(transfer.trace(d, lanes=visibility.MAX_LANES)[0], d)
+        kept = (510 * T >= T.max(axis=2, keepdims=True)) & (T > 0)  # what is less becomes byte 0
+        seen[start : start + step] = kept.reshape(len(d), T.shape[1], len(chosen), GROUP).any(axis=3)
     starts = np.arange(0, len(leaves), TILE)
     return float(np.logical_or.reduceat(seen, starts, axis=0).mean())

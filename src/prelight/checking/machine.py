@@ -42,6 +42,7 @@ def tracing_speed(*, directions: int = 64) -> tuple[float, str]:
 
     Raises MissingExtraError if Mitsuba or its LLVM is missing.
     """
+    from ..rays.mitsuba import Occluders
     from ..scene.stock.catalogue import stock_scene
     from ..scene.variant import mitsuba
     from ..transport.ordering import receiver_order
@@ -50,9 +51,8 @@ def tracing_speed(*, directions: int = 64) -> tuple[float, str]:
     variant = mitsuba().variant()
     scene = stock_scene("sculpture")
     order = receiver_order(scene.positions, scene.normals)
-    visibility = Visibility(
-        scene.positions, scene.triangles, origins=scene.positions[order], normals=scene.normals[order]
-    )
+    occluders = Occluders(scene.positions, scene.triangles)
+    visibility = Visibility(occluders, origins=scene.positions[order], normals=scene.normals[order])
     d = np.random.default_rng(0).normal(size=(directions, 3)).astype(np.float32)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     visibility.trace(d)

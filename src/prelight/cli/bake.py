@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from ..camera import Camera
 from . import arguments, printing
 
 app = App(
@@ -24,39 +25,64 @@ def environment(
     tolerance: float | None = None,
     epsilon: float | None = None,
     samples_per_side: Annotated[int, Parameter(converter=arguments.whole_number)] = 3,
+    zones: Annotated[int, Parameter(converter=arguments.whole_number)] = 1,
+    receivers: str = "vertices",
+    camera: str | None = None,
+    size: str = "256x144",
+    pixel_samples: Annotated[int, Parameter(converter=arguments.whole_number)] = 4,
     floor: float | None = None,
+    subdivide: float | None = None,
     albedo: str | None = None,
+    trust: Annotated[bool, Parameter(negative="")] = False,
     memory: str | None = None,
     dry_run: Annotated[bool, Parameter(negative="")] = False,
     resume: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Bake diffuse vertices for any environment map: environment lights in clusters, one byte an element.
+    """Bake for any environment map: environment lights in clusters, one byte an element.
+
+    Diffuse vertices, to be seen from anywhere; or, with --camera, any material as one eye sees it.
 
     Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
 
     Parameters
     ----------
     scene
-        A PLY or GLB file, or stock:NAME, one of the built-in scenes (stock:sculpture).
+        A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:sculpture).
     output
         The bake, a new folder; SCENE.prelight beside you if not given.
     resolution
         R: the environment is a cube map of 6·R·R lights, 1 to 4096. More makes shadows of small lights sharper;
         the number of clusters hardly grows.
     tolerance
-        How much a light may differ from its cluster: RMS over the vertices, where a fully lit one has 0.32.
+        How much a light may differ from its cluster: RMS over the receivers of a zone, where a fully lit one has 0.32.
         Default 0.0135. A smaller one makes shadows truer and the bake slower and larger: 0.03 for a quick look
         (small lights cast frayed shadows), 0.007 for the last word.
     epsilon
-        The same as the paper's threshold: tolerance = epsilon·√vertices. Give one of the two.
+        The same as the paper's threshold: tolerance = epsilon·√receivers. Give one of the two.
     samples_per_side
         s: a cluster is judged by s×s of its lights, 2 to 9.
+    zones
+        Divide the receivers into about so many parts by place, 1 to 4096, each with clusters of its own: the tolerance
+        then holds in each of them, not only on average over all.
+    receivers
+        vertices, or pixels: what --camera sees, at the pixels of a picture of --size.
+    camera
+        The one eye that what is not Lambertian is baked for: the name of a camera in the scene, or a JSON file with
+        eye, target, up and vertical_fov_deg. Without it every surface is diffuse.
+    size
+        Width and height of the picture with --receivers pixels, up to 2048 each.
+    pixel_samples
+        Points in a pixel, a square number up to 64.
     floor
         Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
+    subdivide
+        Halve edges longer than this, in metres, for a finer net of vertices.
     albedo
         Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
+    trust
+        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
     memory
         What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
     dry_run
@@ -80,17 +106,24 @@ def environment(
     colour = None if albedo is None else arguments.colour("--albedo", albedo)
     with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
         from ..baking.environment import bake_planned
-        from ..baking.environment_plan import EnvironmentSettings, plan_environment
+        from ..baking.environment_plan import plan_environment
+        from ..baking.environment_settings import EnvironmentSettings
         from ..scene.loading import load_scene
 
-        settings = EnvironmentSettings(resolution, tolerance, epsilon, samples_per_side, budget)
-        loaded = load_scene(scene, floor=floor, albedo=colour)
+        width, height = arguments.picture_size(size)
+        settings = EnvironmentSettings(
+            resolution, tolerance, epsilon, samples_per_side, budget,
+            receivers=receivers, camera=_eye(camera), width=width, height=height,
+            pixel_samples=pixel_samples, zones=zones,
+        )  # fmt: skip
+        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_environment(loaded, settings)
     if not json:
         for note in loaded.notes:
             printing.say(f"note: {note}")
         printing.say(
-            f"{loaded.name}: {plan.receivers:,} receivers, {plan.triangles:,} triangles, "
+            f"{loaded.name}: {plan.receivers:,} receivers in {plan.zones:,} {'zone' if plan.zones == 1 else 'zones'}, "
+            f"{plan.triangles:,} triangles, "
             f"{6 * resolution**2:,} environment lights\n"
             f"about {plan.clusters:,} clusters, {plan.rays / 1e9:.2f} G rays, {printing.duration(plan.seconds)}, "
             f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
@@ -111,3 +144,8 @@ def environment(
         + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
         + f"\nnow: prelight relight {target} SKY.hdr -o picture.png   (or stock:sunset for a sky of ours)"
     )
+
+
+def _eye(text: str | None) -> Camera | str | None:
+    """A camera of the scene by its name, or one from a file."""
+    return Camera.open(text) if text is not None and text.lower().endswith(".json") else text

@@ -69,8 +69,33 @@ def waiting(label: str) -> Generator[None]:
 
 
 @contextmanager
+def share_bar(label: str) -> Generator[Callable[[float], None]]:
+    """A bar on standard error; the yielded function takes the share done, 0 to 1."""
+    began = time.monotonic()
+    with _bar(label) as show:
+
+        def report(share: float) -> None:
+            left = (time.monotonic() - began) * (1 - share) / share if share > 0 else 0.0
+            show(share, f"{duration(left)} left" if 0 < share < 1 else "")
+
+        yield report
+
+
+@contextmanager
 def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
     """A bar on standard error; the yielded function takes fraction, seconds left and clusters."""
+    with _bar(label) as show:
+
+        def report(fraction: float, seconds_left: float, clusters: int) -> None:
+            left = f", {duration(seconds_left)} left" if fraction < 1 else ""
+            show(fraction, f"{clusters:,} clusters{left}")
+
+        yield report
+
+
+@contextmanager
+def _bar(label: str) -> Generator[Callable[[float, str], None]]:
+    """A bar, or where there is no terminal a line now and then, once it takes long."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
@@ -85,12 +110,7 @@ def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(label, total=1.0, note="")
 
-        def report(fraction: float, seconds_left: float, clusters: int) -> None:
-            note = (
-                f"{clusters:,} clusters, {duration(seconds_left)} left"
-                if fraction < 1
-                else f"{clusters:,} clusters"
-            )
+        def show(fraction: float, note: str) -> None:
             progress.update(task, completed=fraction, note=note)
             nonlocal shown
             late = time.monotonic() - began > _SILENCE
@@ -98,4 +118,4 @@ def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
                 shown = fraction
                 sys.stderr.write(f"{label}: {fraction:.0%}, {note}\n")
 
-        yield report
+        yield show

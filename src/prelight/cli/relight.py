@@ -40,17 +40,20 @@ def relight(
     bake
         NAME.prelight, made by `prelight bake`.
     rig
-        An environment map (.hdr or .exr), stock:NAME (stock:sunset, stock:studio, …), or a rig file (.toml)
-        with a table [environment] of map, layout, rotate_deg, scale and tint.
+        An environment map (.hdr or .exr), six pictures of faces (a folder, or a name with {face} in it),
+        stock:NAME (stock:sunset, stock:studio, …), or a rig file (.toml) with a table [environment] of map,
+        layout, rotate_deg, scale, tint and blend, [[disc]] lights and [[paint]]ed regions (docs/rig.md).
     output
         .png (as displayed), .exr (linear picture) or .npy (linear radiance of the receivers, (R, 3) float32,
         in receiver order). Without it only the figures are printed.
     layout
-        How the map is folded: latlong, angular or cross; recognised by its proportions if not given.
+        How the map is folded: latlong, angular, cross, horizontal-cross, strip or tall-strip; recognised by
+        its proportions if not given.
     rotate
-        Turn the environment about +Y, degrees counter-clockwise seen from above; adds to a rig's own turn.
+        Turn the environment with its discs about +Y, degrees counter-clockwise seen from above; adds to a
+        rig's own turn.
     scale
-        Factor of the environment's radiance.
+        Factor of the radiance of all light.
     tint
         Factors of its red, green and blue, such as 1,0.9,0.8.
     camera

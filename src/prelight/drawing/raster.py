@@ -26,7 +26,7 @@ NOTHING = np.int32(-1)
 
 
 @njit(cache=True)
-def _edges(
+def edge_planes(
     q: Float64[np.ndarray, "vertices 3"], corners: Int32[np.ndarray, "3"], planes: Float64[np.ndarray, "3 3"]
 ) -> float:
     """Fills rows a, b, c with u_i = a·x + b·y + c; returns 1 / |D|, or 0 for a triangle seen edge-on."""
@@ -163,7 +163,7 @@ def visible_triangles(q, triangles, bounds, starts, order, first_row, offsets, n
             here[:] = NOTHING
             for n in range(starts[band], starts[band + 1]):
                 t = order[n]
-                scale = _edges(q, triangles[t], planes)
+                scale = edge_planes(q, triangles[t], planes)
                 box = bounds[t, 0], bounds[t, 1], max(bounds[t, 2], top), min(bounds[t, 3], bottom)
                 if scale > 0.0:
                     _draw_triangle(
@@ -213,7 +213,7 @@ def mean_weights(q, triangles, winners, first_row, offsets, starts, seen, weight
                     new = new and winners[row, column, earlier] != t
                 if not new:
                     continue
-                _edges(q, triangles[t], planes)
+                edge_planes(q, triangles[t], planes)
                 sum0 = sum1 = sum2 = 0.0
                 for other in range(s, samples):
                     if winners[row, column, other] == t:

@@ -3,13 +3,17 @@
 256 consecutive clusters make a *panel*. For each *group* of 32 receivers a panel keeps up to sixteen
 tiles, one for each 16 of its clusters, and a word whose bit s says that tile s is there; a tile of
 zeros is left out. Inside a tile the 32 receivers of one cluster are contiguous, so that a full relight
-keeps its sums in registers and a local one reads only the clusters that changed.
+keeps its sums in registers and a local one reads only the clusters that changed. Where transfer has three
+channels, a panel has the groups of red, then those of green, then those of blue.
+
+As many whole panels as make about four megabytes are a *parcel*, one array on disk.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit, prange
+from numpy.typing import ArrayLike
 
 from ..arrays import UInt8, UInt16
 
@@ -17,11 +21,17 @@ GROUP = 32  # receivers of a tile
 TILE = 16  # clusters of a tile
 PANEL = 256  # clusters of a panel
 TILES = PANEL // TILE  # of a group in a panel: the bits of a uint16
+_PARCEL_BYTES = 4 << 20  # before zeros are left out
 
 
 def groups_of(receivers: int) -> int:
     """Groups of 32 receivers, the last one filled up."""
     return -(-receivers // GROUP)
+
+
+def panels_of_parcel(groups: ArrayLike, channels: ArrayLike) -> np.ndarray:
+    """Panels in each parcel of a zone, but for its last one; of many zones at once."""
+    return np.maximum(1, _PARCEL_BYTES // (PANEL * GROUP * np.asarray(groups, np.int64) * channels))
 
 
 @njit(cache=True)
@@ -68,12 +78,17 @@ def first_tiles(present: UInt16[np.ndarray, "... groups"]) -> np.ndarray:
 
 
 def encode_panel(
-    columns: UInt8[np.ndarray, "clusters receivers"],
+    columns: UInt8[np.ndarray, "clusters *channels receivers"],
 ) -> tuple[UInt8[np.ndarray, "tiles 16 32"], UInt16[np.ndarray, "groups"]]:
-    """Tiles and presence bits of up to 256 quantised transfer vectors, receivers in storage order."""
-    clusters, receivers = columns.shape
-    padded = np.zeros((PANEL, groups_of(receivers) * GROUP), np.uint8)
-    padded[:clusters, :receivers] = columns
+    """Tiles and presence bits of up to 256 quantised transfer vectors, receivers in storage order.
+
+    (clusters, receivers), or (clusters, channels, receivers): then the groups of each channel in turn.
+    """
+    columns = columns if columns.ndim == 3 else columns[:, None]
+    clusters, channels, receivers = columns.shape
+    padded = np.zeros((PANEL, channels, groups_of(receivers) * GROUP), np.uint8)
+    padded[:clusters, :, :receivers] = columns
+    padded = padded.reshape(PANEL, -1)
     present = np.empty(padded.shape[1] // GROUP, np.uint16)
     _mark_tiles(padded, present)
     tiles = np.empty((int(np.bitwise_count(present).sum()), TILE, GROUP), np.uint8)
@@ -84,7 +99,10 @@ def encode_panel(
 def decode_panel(
     tiles: UInt8[np.ndarray, "tiles 16 32"], present: UInt16[np.ndarray, "groups"]
 ) -> UInt8[np.ndarray, "256 receivers"]:
-    """The inverse of ``encode_panel``, plainly: the yardstick for every kernel that reads tiles."""
+    """The inverse of ``encode_panel``, plainly: the yardstick for every kernel that reads tiles.
+
+    Of three channels each follows the other's last, filled up, group.
+    """
     columns = np.zeros((PANEL, len(present) * GROUP), np.uint8)
     tile = iter(tiles)
     for g, bits in enumerate(present):

@@ -1,19 +1,20 @@
 """Environments: radiance from everywhere around the scene, infinitely far away.
 
 An ``Environment`` is a radiance map (``layouts`` says which pixel looks where) with a turn about +Y, a scale
-and a tint. It never changes; ``rotated``, ``scaled`` and ``tinted`` give new ones that share the pixels.
+and a tint, or a blend of several; regions of it may be painted, and disc lights stand in front of it. It never
+changes: ``rotated``, ``scaled``, ``tinted``, ``blended``, ``painted`` and ``with_discs`` give new ones that
+share the pixels.
 
     light = Environment.open("grace_cross.hdr").rotated(30).scaled(2)
+    light = light.with_disc(Disc.at(-60, 35, radius_deg=3, radiance=(40, 36, 30), softness=0.5))
     l = light.cube(256)          # (6, 256, 256, 3), what relighting multiplies with (times solid angles)
 """
 
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,102 +22,19 @@ import numpy as np
 from ..arrays import CubeMap, Directions, Float32, Float64, Radiance
 from ..bases import cube_map
 from ..errors import InputError
-from ..images.map_checks import check_radiance
-from . import layouts, sky
-from .layouts import PICTURE_LAYOUTS, AngularMap, Faces
+from . import quantities, sky
+from .disc import Disc, add_discs
+from .radiance_map import RadianceMap, checked_pixels
+from .regions import Paint, Region
 
 STOCK_PREFIX = "stock:"
 _LARGEST = 0.25 * float(np.finfo(np.float32).max)  # room for rounding in sums and means
-
-
-def _amount(name: str, value: object, *, least: float | None = None) -> float:
-    try:
-        number = float(value)  # ty: ignore[invalid-argument-type]
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number) or (least is not None and number < least):
-        raise InputError(
-            name,
-            f"{value!r}, expected a finite number" + ("" if least is None else f" of at least {least:g}"),
-        )
-    return number
-
-
-def _colour(name: str, value: object) -> tuple[float, float, float]:
-    parts = list(value) if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) else []
-    if len(parts) != 3:
-        raise InputError(name, f"{value!r}, expected three numbers: linear red, green, blue")
-    red, green, blue = (_amount(name, part, least=0.0) for part in parts)
-    return red, green, blue
-
-
-def _checked_pixels(pixels: object, layout: str, name: str) -> Float32[np.ndarray, "... 3"]:
-    """Float32, contiguous and read-only; raises InputError for a wrong shape or radiance no light has."""
-    if not isinstance(pixels, np.ndarray) or pixels.dtype.kind not in "fiu":
-        raise InputError(name, "expected an array of numbers as pixels")
-    known = [*PICTURE_LAYOUTS, "cube"]
-    if layout not in known:
-        raise InputError(name, f"layout {layout!r} is not known; known are {', '.join(known)}")
-    shape, wanted = pixels.shape, "(6, R, R, 3)" if layout == "cube" else "(height, width, 3)"
-    fits = (
-        len(shape) == 4 and shape[0] == 6 and shape[1] == shape[2]
-        if layout == "cube" else len(shape) == 3
-    )  # fmt: skip
-    if not fits or shape[-1] != 3 or 0 in shape:
-        raise InputError(name, f"pixels of shape {shape}, expected {wanted} for the layout {layout}")
-    if layout != "cube":
-        _check_proportions(shape[0], shape[1], layout=layout, name=name)
-    shared = pixels.dtype == np.float32 and pixels.flags.c_contiguous and not pixels.flags.writeable
-    with np.errstate(over="ignore"):  # what float32 cannot hold is found as infinite just below
-        out = pixels if shared else np.array(pixels, np.float32, order="C")
-    check_radiance(name, out.reshape(-1, *shape[-2:]))
-    out.setflags(write=False)
-    return out
-
-
-def _check_proportions(height: int, width: int, *, layout: str, name: str) -> None:
-    kind = PICTURE_LAYOUTS[layout]
-    if isinstance(kind, Faces) and (width % kind.ratio[0] or width * kind.ratio[1] != height * kind.ratio[0]):
-        across, down = kind.ratio
-        raise InputError(
-            name,
-            f"{width}×{height} pixels do not make a {kind.title} of {across}×{down} square faces; "
-            f"crop it to a width of {across}·R and a height of {down}·R",
-        )
-    if isinstance(kind, AngularMap) and layouts.recognised(height, width) != layout:
-        raise InputError(name, f"{width}×{height} pixels, expected a square for an {kind.title}; crop it")
-
-
-@dataclass(frozen=True, eq=False)
-class _CheckedMap:
-    """Pixels that have been checked, and what is found out about them once for all turns and tints."""
-
-    pixels: Float32[np.ndarray, "... 3"]
-    layout: str
-    brightest: float
-
-    @cached_property
-    def sampled(self) -> tuple[Float32[np.ndarray, "... 3"], str]:
-        """The pixels in use and their layout, where a picture of faces has become a cube."""
-        kind = PICTURE_LAYOUTS.get(self.layout)
-        return (kind.faces(self.pixels), "cube") if isinstance(kind, Faces) else (self.pixels, self.layout)
-
-    @cached_property
-    def total(self) -> Float64[np.ndarray, "3"]:
-        """∫ L dω by the exact solid angle of every pixel."""
-        pixels, layout = self.sampled
-        kind = PICTURE_LAYOUTS.get(layout)
-        if kind is None or isinstance(kind, Faces):
-            edges = np.linspace(-1.0, 1.0, pixels.shape[1] + 1)
-            weights = cube_map.rectangle_solid_angles(edges, edges)
-            return sum((np.einsum("ij,ijk->k", weights, face) for face in pixels), np.zeros(3))
-        weights = kind.solid_angles(*pixels.shape[:2])
-        return sum((row @ line for row, line in zip(weights, pixels, strict=True)), np.zeros(3))
+_WEIGHED_AT = 256  # R at which what is painted over is weighed
 
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Light from infinitely far away, given as a map of radiance.
+    """Light from infinitely far away: maps of radiance, painted regions, and discs.
 
     Parameters
     ----------
@@ -124,13 +42,19 @@ class Environment:
         Scene-linear Rec.709 radiance, W·sr⁻¹·m⁻² up to a common exposure; finite, not negative:
         a picture (H, W, 3), or the faces (6, R, R, 3) of a cube map. Copied unless read-only float32.
     layout
-        How they lie: ``latlong``, ``angular``, ``cross`` (see ``layouts``) or ``cube``.
+        How they lie: ``latlong``, ``angular``, ``cross``, … (see ``layouts``) or ``cube``.
     rotation_deg
-        Turn about +Y, counter-clockwise seen from above: light from d comes from R_y(rotation_deg)·d.
+        Turn of the map about +Y, counter-clockwise seen from above: light from d comes from R_y·d.
     scale, tint
-        Factors of the radiance, for all channels and for red, green and blue; not negative.
+        Factors of the map's radiance, for all channels and for red, green and blue; not negative.
     name
         What messages call it.
+    parts
+        Environments added to the map, each with its own turn, scale and tint (``blended``).
+    paints
+        Regions mixed with a colour, one after another, over the map and the parts (``painted``).
+    discs
+        Disc lights, added in front of all that (``with_discs``); directions are the scene's.
 
     Raises
     ------
@@ -145,22 +69,27 @@ class Environment:
     scale: float = 1.0
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     name: str = "environment"
-    _map: _CheckedMap | None = field(default=None, repr=False)  # shared by all that ``replace`` makes
+    parts: tuple[Environment, ...] = ()
+    paints: tuple[Paint, ...] = ()
+    discs: tuple[Disc, ...] = ()
+    _map: RadianceMap | None = field(default=None, repr=False)  # shared by all that ``replace`` makes
 
     def __post_init__(self) -> None:
         def put(attribute: str, value: object) -> None:
             object.__setattr__(self, attribute, value)
 
-        put("rotation_deg", _amount(f"{self.name}: rotation", self.rotation_deg) % 360.0)
-        put("scale", _amount(f"{self.name}: scale", self.scale, least=0.0))
-        put("tint", _colour(f"{self.name}: tint", self.tint))
+        put("rotation_deg", quantities.amount(f"{self.name}: rotation", self.rotation_deg) % 360.0)
+        put("scale", quantities.amount(f"{self.name}: scale", self.scale, least=0.0))
+        put("tint", quantities.colour(f"{self.name}: tint", self.tint))
+        for attribute, kind in (("parts", Environment), ("paints", Paint), ("discs", Disc)):
+            put(attribute, _all_of(kind, getattr(self, attribute), name=f"{self.name}: {attribute}"))
         known = self._map
         if known is None or known.pixels is not self.pixels or known.layout != self.layout:
-            pixels = _checked_pixels(self.pixels, self.layout, self.name)
-            known = _CheckedMap(pixels, self.layout, float(pixels.max()))
+            pixels = checked_pixels(self.pixels, self.layout, self.name)
+            known = RadianceMap(pixels, self.layout)
             put("_map", known)
             put("pixels", pixels)
-        if known.brightest * max(1.0, self.scale * max(self.tint)) > _LARGEST:
+        if max(known.brightest, self._brightest) > _LARGEST:
             raise InputError(
                 self.name, f"radiance above {_LARGEST:.0e}; lower the scale, the tint or the map"
             )
@@ -172,26 +101,16 @@ class Environment:
         """The environment in a file (.hdr or .exr), or ``stock:NAME``, one of our own (``sky``).
 
         The layout is recognised by the picture's proportions (2:1 lat-long, 1:1 angular map, 3:4 vertical
-        cross, within 1 %) unless given. Raises InputError.
+        cross, 4:3 horizontal cross, 6:1 and 1:6 strips, within 1 %) unless given. Six pictures of faces are
+        a folder of them, or a name such as ``sky_{face}.hdr`` (``opening``). Raises InputError.
         """
         if isinstance(path, str) and path.startswith(STOCK_PREFIX):
             if layout not in (None, "latlong"):
                 raise InputError(path, f"layout {layout!r}, but stock environments are latlong")
             return cls.stock(path.removeprefix(STOCK_PREFIX))
-        from ..images.formats import read_radiance_map
+        from .opening import read_map
 
-        if layout is not None and layout not in PICTURE_LAYOUTS:
-            raise InputError(path, f"layout {layout!r} is not known; known are {', '.join(PICTURE_LAYOUTS)}")
-        pixels = read_radiance_map(path)
-        height, width = pixels.shape[:2]
-        layout = layout or layouts.recognised(height, width)
-        if layout is None:
-            known = ", ".join(f"{n} {k.ratio[0]}:{k.ratio[1]}" for n, k in PICTURE_LAYOUTS.items())
-            raise InputError(
-                path,
-                f"{width}×{height} pixels, not the proportions of a known layout ({known}); "
-                "crop it, or say which it is with --layout",
-            )
+        pixels, layout = read_map(path, layout)
         pixels.setflags(write=False)
         return cls(pixels, layout, name=Path(path).name)
 
@@ -205,28 +124,89 @@ class Environment:
     @classmethod
     def constant(cls, radiance: Sequence[float]) -> Environment:
         """The same linear red, green and blue from everywhere."""
-        colour = np.array(_colour("radiance", radiance))
+        colour = np.array(quantities.colour("radiance", radiance))
         return cls(np.tile(colour, (6, 1, 1, 1)), "cube", name="constant")
+
+    @classmethod
+    def dark(cls) -> Environment:
+        """No light at all: where discs are to be the only ones."""
+        return cls(np.zeros((6, 1, 1, 3), np.float32), "cube", name="dark")
 
     @classmethod
     def from_cube(cls, faces: CubeMap) -> Environment:
         """The faces (6, R, R, 3) of a cube map, laid out as in ``bases.cube_map``."""
         return cls(faces, "cube", name="cube map")
 
-    # ---- What a designer sets ----------------------------------------------------------------------------
+    # ---- What a designer sets: each as a new environment -------------------------------------------------
 
     def rotated(self, degrees: float) -> Environment:
-        """Turned further about +Y, counter-clockwise seen from above: what was at −Z moves towards −X."""
-        return replace(self, rotation_deg=self.rotation_deg + _amount("rotation", degrees))
+        """Turned further about +Y, counter-clockwise seen from above: what was at −Z moves towards −X.
+
+        Everything turns: the map, the parts of a blend, what is painted, the discs.
+        """
+        degrees = quantities.amount("rotation", degrees)
+        return replace(
+            self,
+            rotation_deg=self.rotation_deg + degrees,
+            parts=tuple(part.rotated(degrees) for part in self.parts),
+            paints=tuple(paint.turned(degrees) for paint in self.paints),
+            discs=tuple(disc.turned(degrees) for disc in self.discs),
+        )
 
     def scaled(self, factor: float) -> Environment:
-        """``factor`` times as bright."""
-        return replace(self, scale=self.scale * _amount("scale", factor, least=0.0))
+        """``factor`` times as bright, altogether."""
+        factor = quantities.amount("scale", factor, least=0.0)
+        return self._times((factor, factor, factor), scale=self.scale * factor)
 
     def tinted(self, tint: Sequence[float]) -> Environment:
-        """Red, green and blue multiplied by three factors."""
-        red, green, blue = _colour("tint", tint)
-        return replace(self, tint=(self.tint[0] * red, self.tint[1] * green, self.tint[2] * blue))
+        """Red, green and blue of everything multiplied by three factors."""
+        red, green, blue = quantities.colour("tint", tint)
+        own = (self.tint[0] * red, self.tint[1] * green, self.tint[2] * blue)
+        return self._times((red, green, blue), tint=own)
+
+    def _times(self, factors: quantities.Triple, **own: object) -> Environment:
+        return replace(
+            self,
+            parts=tuple(part.tinted(factors) for part in self.parts),
+            paints=tuple(paint.times(factors) for paint in self.paints),
+            discs=tuple(disc.times(factors) for disc in self.discs),
+            **own,
+        )
+
+    def blended(self, other: Environment, share: float) -> Environment:
+        """(1 − share) of this environment and ``share`` (0 to 1) of another, added.
+
+        Each keeps its turn, scale, tint, paint and discs; totals add in the same shares.
+        """
+        share = quantities.amount("share", share, least=0.0, most=1.0)
+        if not isinstance(other, Environment):
+            raise quantities.refused("blend", other, "an Environment")
+        if share in (0.0, 1.0):
+            return other if share else self
+        first, second = self.scaled(1.0 - share), other.scaled(share)
+        return replace(
+            Environment.dark(),
+            name=f"{self.name} and {other.name}",
+            parts=first._added_parts + second._added_parts,
+            discs=first.discs + second.discs,
+        )
+
+    def painted(self, region: Region, radiance: Sequence[float], *, opacity: float = 1.0) -> Environment:
+        """A region (``regions.Cap`` or ``Window``, directions as the scene's) replaced by a colour.
+
+        With an opacity below 1 it is mixed: (1 − opacity) of what was there, and opacity of the colour.
+        Discs stand in front of what is painted, whichever came first.
+        """
+        paint = Paint(region, quantities.colour("radiance", radiance), opacity)
+        return replace(self, paints=(*self.paints, paint))
+
+    def with_disc(self, disc: Disc) -> Environment:
+        """With one more disc light."""
+        return replace(self, discs=(*self.discs, disc))
+
+    def with_discs(self, discs: Iterable[Disc]) -> Environment:
+        """With these disc lights and no others; ``with_discs([])`` is the environment behind them."""
+        return replace(self, discs=tuple(discs))
 
     # ---- What it gives -----------------------------------------------------------------------------------
 
@@ -236,14 +216,44 @@ class Environment:
         return self.scale * np.array(self.tint)
 
     @property
-    def _checked(self) -> _CheckedMap:
+    def _checked(self) -> RadianceMap:
         assert self._map is not None  # set by __post_init__
         return self._map
 
     @property
+    def _added_parts(self) -> tuple[Environment, ...]:
+        """What a blend adds up: a blend is taken apart, so that blends of blends do not nest."""
+        return self.parts if self.parts and not self.paints else (self.with_discs(()),)
+
+    @property
+    def _brightest(self) -> float:
+        """No less than the largest radiance in any direction."""
+        painted = max((max(paint.radiance) for paint in self.paints), default=0.0)
+        added = sum(part._brightest for part in self.parts) + sum(max(disc.radiance) for disc in self.discs)
+        return max(self._checked.brightest * self.scale * max(self.tint), painted) + added
+
+    @property
     def total(self) -> Float64[np.ndarray, "3"]:
-        """∫ L dω over the sphere, by the exact solid angle of every pixel; scale and tint included."""
-        return self._checked.total * self.gain
+        """∫ L dω over the sphere: by the exact solid angle of every pixel, and of every disc.
+
+        Where regions are painted, what is behind the discs is weighed as a cube map of R=256.
+        """
+        if self.paints:
+            whole = np.einsum("fijk,ij->k", self.with_discs(()).cube(_WEIGHED_AT), _areas(), dtype=np.float64)
+        else:
+            whole = sum((part.total for part in self.parts), self._checked.total * self.gain)
+        return sum((disc.total for disc in self.discs), whole)
+
+    def same_behind_discs(self, other: Environment) -> bool:
+        """Whether two environments differ in nothing but their discs: their cube maps before the discs are the
+        same bits. Maps count as the same only where they share the pixels."""
+        return (
+            self._checked is other._checked
+            and (self.rotation_deg, self.scale, self.tint) == (other.rotation_deg, other.scale, other.tint)
+            and self.paints == other.paints
+            and len(self.parts) == len(other.parts)
+            and all(a.same_behind_discs(b) for a, b in zip(self.parts, other.parts, strict=True))
+        )
 
     def cube(self, resolution: int) -> CubeMap:
         """The mean radiance (6, R, R, 3) of each texel of a cube map (``bases.cube_map``), as turned.
@@ -252,24 +262,29 @@ class Environment:
         a texel or a pixel of the map, whichever is larger. An unturned cross is given back bit for bit
         where R is the side of its faces.
 
+        It is, bit for bit, ``with_discs([]).cube(R)`` to which ``disc.add_discs`` adds the discs: for each in
+        turn, for each of ``disc.texels(R)``, ``cube[face, rows, columns] += radiance`` in float32.
+
         Raises
         ------
         InputError
             Unless 1 ≤ resolution ≤ 4096.
         """
-        try:
-            side = operator.index(resolution)
-        except TypeError:
-            side = 0
-        if not 1 <= side <= cube_map.MAX_RESOLUTION:
-            expected = f"expected a whole number from 1 to {cube_map.MAX_RESOLUTION}"
-            raise InputError("resolution", f"{resolution!r}, {expected}")
-        from .resampling import resampled
-
-        pixels, layout = self._checked.sampled
-        out = resampled(pixels, side, layout=layout, degrees=self.rotation_deg, total=self._checked.total)
-        if not np.array_equal(self.gain, np.ones(3)):
-            out *= self.gain.astype(np.float32)
+        side = quantities.resolution(resolution)
+        if self.gain.any():
+            out = self._checked.cube(side, self.rotation_deg)
+            if not np.array_equal(self.gain, np.ones(3)):
+                out *= self.gain.astype(np.float32)
+        else:
+            out = np.zeros((6, side, side, 3), np.float32)
+        for part in self.parts:
+            out += part.cube(side)
+        for paint in self.paints:
+            for face, rows, columns, share in paint.region.cover(side):
+                m = (paint.opacity * share[..., None]).astype(np.float32)
+                texels = out[face, rows, columns]
+                texels += m * (np.array(paint.radiance, np.float32) - texels)
+        add_discs(out, self.discs)
         return out
 
     def radiance_along(self, directions: Directions) -> Radiance:
@@ -292,4 +307,29 @@ class Environment:
         }
         kernels[layout](pixels, d, math.radians(self.rotation_deg), out)
         out *= self.gain.astype(np.float32)
+        for part in self.parts:
+            out += part.radiance_along(d)
+        if self.paints or self.discs:
+            length = np.linalg.norm(d.astype(np.float64), axis=1, keepdims=True)
+            unit = np.divide(d, length, out=np.zeros(d.shape), where=length > 0.0)
+            for paint in self.paints:
+                m = (paint.opacity * paint.region.along(unit)).astype(np.float32)[:, None]
+                out += m * (np.array(paint.radiance, np.float32) - out)
+            for disc in self.discs:
+                out += disc.region.along(unit).astype(np.float32)[:, None] * np.array(
+                    disc.radiance, np.float32
+                )
         return out
+
+
+def _areas() -> Float64[np.ndarray, "row column"]:
+    edges = np.linspace(-1.0, 1.0, _WEIGHED_AT + 1)
+    return cube_map.rectangle_solid_angles(edges, edges)
+
+
+def _all_of(kind: type, values: object, *, name: str) -> tuple:
+    found = tuple(values) if isinstance(values, Iterable) else (values,)
+    for value in found:
+        if not isinstance(value, kind):
+            raise quantities.refused(name, value, f"each a {kind.__name__}")
+    return found

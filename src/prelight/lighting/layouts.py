@@ -8,6 +8,9 @@ edge of the picture, both in [0, 1]:
 ``angular``  1:1, with p = 2x − 1, q = 1 − 2y, r = √(p² + q²) ≤ 1: the angle to −Z is πr, so
              d = (p sin πr / r, q sin πr / r, −cos πr); what lies outside the disc is ignored. [Debevec1998]
 ``cross``    3:4, a vertical cross of square faces; rows from the top: +Y / −X −Z +X / −Y / +Z upside down.
+``horizontal-cross``  4:3: +Y above / −X −Z +X +Z / −Y below −Z; every face upright, as seen from the middle.
+``strip``    6:1, and ``tall-strip`` 1:6: +X −X +Y −Y −Z +Z (right, left, top, bottom, front, back), each as
+             seen from the middle; the lower edge of the top and the upper one of the bottom touch the front.
 ``cube``     no picture but the faces themselves, (6, R, R, 3), as in ``bases.cube_map``.
 
 The first two are written out below; whatever consists of six square faces is a row of a table.
@@ -146,6 +149,12 @@ class Faces:
             out[face] = part[:: -1 if upended else 1, :: -1 if mirrored else 1]
         return out
 
+    def put(self, faces: CubeMap, place: int, picture: Picture) -> None:
+        """Lay the picture of one face, counted along the rows of the layout, into the faces (6, R, R, 3)."""
+        order = sorted(range(6), key=lambda face: self.places[face][:2])
+        mirrored, upended = self.places[order[place]][2:]
+        faces[order[place]] = picture[:: -1 if upended else 1, :: -1 if mirrored else 1]
+
     def unfold(self, faces: CubeMap) -> Picture:
         """The picture of six faces; the inverse of ``faces``, black outside them."""
         side = faces.shape[1]
@@ -164,6 +173,17 @@ def quarter_turned(faces: CubeMap, quarters: int) -> CubeMap:
     return faces
 
 
+# Faces in a row, each as seen from the middle: right, left, top, bottom, front (−Z), back. Against
+# ``bases.cube_map``, whose faces are those of a left-handed space, sides are mirrored, top and bottom upended.
+FACE_PICTURES = Faces(
+    ratio=(6, 1),
+    title="strip",
+    places=(
+        (0, 0, True, False), (0, 1, True, False), (0, 2, False, True),
+        (0, 3, False, True), (0, 5, True, False), (0, 4, True, False),
+    ),
+)  # fmt: skip
+
 PICTURE_LAYOUTS: dict[str, LatLong | AngularMap | Faces] = {
     "latlong": LatLong(),
     "angular": AngularMap(),
@@ -174,6 +194,20 @@ PICTURE_LAYOUTS: dict[str, LatLong | AngularMap | Faces] = {
             (1, 2, True, False), (1, 0, True, False), (0, 1, False, True),
             (2, 1, False, True), (3, 1, False, True), (1, 1, True, False),
         ),
+    ),
+    "horizontal-cross": Faces(
+        ratio=(4, 3),
+        title="horizontal cross",
+        places=(
+            (1, 2, True, False), (1, 0, True, False), (0, 1, False, True),
+            (2, 1, False, True), (1, 3, True, False), (1, 1, True, False),
+        ),
+    ),
+    "strip": FACE_PICTURES,
+    "tall-strip": Faces(
+        ratio=(1, 6),
+        title="tall strip",
+        places=tuple((j, i, mirrored, upended) for i, j, mirrored, upended in FACE_PICTURES.places),
     ),
 }  # fmt: skip
 

@@ -1,13 +1,13 @@
-"""The compiled loops that know a cube map's exact areas: finishing a scattered face, and faces onto faces."""
+"""The compiled loops that know exact areas: finishing a scattered face, faces onto faces, pixels merged."""
 
 from __future__ import annotations
 
-from math import atan2, sqrt
+from math import atan2, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
 
-from ..arrays import CubeMap, Float32, Float64
+from ..arrays import CubeMap, Float32, Float64, Picture
 
 
 @njit(cache=True, nogil=True)
@@ -81,3 +81,21 @@ def overlap(source: CubeMap, out: CubeMap, first_row: int, end_row: int) -> None
             for face in range(6):
                 for k in range(3):
                     out[face, row, column, k] = sums[face, k] / whole
+
+
+@njit(cache=True, nogil=True)
+def merge_latlong(source: Picture, out: Picture, first_row: int, end_row: int) -> None:
+    """Rows of ``out``, a lat-long map of a whole fraction of the size, as means weighed by solid angle."""
+    merged, height = source.shape[0] // out.shape[0], source.shape[0]
+    for row in range(first_row, end_row):
+        weights = np.array([sin((row * merged + i + 0.5) * pi / height) for i in range(merged)])
+        weights /= weights.sum() * merged
+        for column in range(out.shape[1]):
+            r = g = b = 0.0
+            for i in range(merged):
+                for j in range(merged):
+                    pixel = source[row * merged + i, column * merged + j]
+                    r += weights[i] * pixel[0]
+                    g += weights[i] * pixel[1]
+                    b += weights[i] * pixel[2]
+            out[row, column, 0], out[row, column, 1], out[row, column, 2] = r, g, b

@@ -2,7 +2,8 @@
 
 Faces that are turned by a multiple of 90° are overlapped with the texels exactly. Everything else is
 scattered (``scattering``). A cube map much finer than the map has nothing to add: it is made at twice the
-map's own resolution and its texels are repeated, or overlapped where the resolutions do not divide.
+map's own resolution and its texels are repeated, or overlapped where the resolutions do not divide. Of a map
+much finer than the cube map, pixels are merged first, to no more than a quarter of a texel.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from ..errors import PrelightError
 from .layouts import quarter_turned
 
 ALWAYS_SCATTERED = 256  # up to here the texels are scattered to, however coarse the map
+PIXELS_PER_TEXEL_SIDE = 4  # finer pixels are merged
 PERMITTED_LOSS = 2e-3  # of a channel's energy, before it is put right: 3e-4 is the most ever seen
 
 _HIGHEST_FLOOR = 50.0  # times the mean of the map
@@ -109,6 +111,26 @@ def _repeat(resolution: int, finest: int) -> int:
     return next((r for r in range(least, 2 * least) if resolution % r == 0), least)
 
 
+def _merged(
+    pixels: Float32[np.ndarray, "... 3"], resolution: int, *, layout: str
+) -> Float32[np.ndarray, "... 3"]:
+    """The map with as many pixels a side as a cube map can tell apart, or a few times more."""
+    merged, most = 1, own_resolution(pixels.shape, layout) // (PIXELS_PER_TEXEL_SIDE * resolution)
+    sides = pixels.shape[:2] if layout == "latlong" else pixels.shape[1:3]
+    while 2 * merged <= most and all(side % (2 * merged) == 0 for side in sides):
+        merged *= 2
+    if merged == 1 or layout == "angular":
+        return pixels
+    if layout == "cube":
+        return _overlapped(pixels, pixels.shape[1] // merged)
+    from .overlapping import merge_latlong
+
+    out = np.empty((sides[0] // merged, sides[1] // merged, 3), np.float32)
+    starts = range(0, len(out), _OVERLAP_ROWS)
+    _in_threads(merge_latlong, [(pixels, out, row, min(row + _OVERLAP_ROWS, len(out))) for row in starts])
+    return out
+
+
 def resampled(
     pixels: Float32[np.ndarray, "... 3"],
     resolution: int,
@@ -130,6 +152,7 @@ def resampled(
         return _overlapped(quarter_turned(pixels, round(degrees / 90.0)), resolution)
     finest = max(ALWAYS_SCATTERED, 2 * own_resolution(pixels.shape, layout))
     repeat = _repeat(resolution, finest)
+    pixels = _merged(pixels, resolution, layout=layout)
     out, got = _scattered(pixels, -(-resolution // repeat), layout=layout, degrees=degrees, total=total)
     off = np.divide(total, got, out=np.ones(3), where=got > 0.0)
     if np.abs(off - 1.0).max() > PERMITTED_LOSS:

@@ -1,4 +1,4 @@
-"""A rig: everything a designer sets. Today its environment; a TOML file or an environment map."""
+"""A rig: everything a designer sets. Today its environment, with discs and paint; a TOML file or a map."""
 
 from __future__ import annotations
 
@@ -6,33 +6,17 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
 from ..errors import InputError
 from ..files import read_regular
+from .disc import Disc
 from .environment import STOCK_PREFIX, Environment
+from .painting import pointing
+from .quantities import Triple
+from .regions import Cap, Region, Window
+from .rig_file import DiscTable, EnvironmentTable, MapTable, PaintTable, checked_tables
 from .sky import STOCK_SKIES
 
 _LARGEST_FILE = 1_000_000
-_IN_WORDS = {
-    "extra_forbidden": "not known; a rig has a table [environment] of map, layout, rotate_deg, scale and tint",
-    "missing": "missing; a rig has a table [environment] with at least map",
-    "tuple_type": "expected three numbers such as [1.0, 0.9, 0.8]",
-}
-
-
-class _EnvironmentTable(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    map: str
-    layout: str | None = None
-    rotate_deg: float = 0.0
-    scale: float = Field(default=1.0, ge=0)
-    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-
-class _RigFile(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    environment: _EnvironmentTable
 
 
 @dataclass(frozen=True)
@@ -45,7 +29,8 @@ class Rig:
     def open(cls, source: str, *, layout: str | None = None) -> Rig:
         """A rig file (.toml), an environment map, or ``stock:NAME``; ``layout`` is the map's, if not recognised.
 
-        A map named in a rig file is looked for beside it. Raises InputError.
+        A rig file has a table ``[environment]``, ``[[disc]]`` and ``[[paint]]`` tables (docs/rig.md); a map it
+        names is looked for beside it. Raises InputError, with a JSON pointer for what is wrong in the file.
         """
         if source in STOCK_SKIES and not Path(source).exists():
             raise InputError(source, f"no such file; did you mean {STOCK_PREFIX}{source}?")
@@ -54,15 +39,58 @@ class Rig:
         path = Path(source)
         try:
             document = tomllib.loads(read_regular(path, limit=_LARGEST_FILE).decode())
-            table = _RigFile.model_validate(document).environment
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = "/" + "/".join(str(part) for part in first["loc"])
-            raise InputError(path, _IN_WORDS.get(first["type"], first["msg"].lower()), where) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(path, f"not a TOML rig: {error}") from None
-        if "\x00" in table.map:
-            raise InputError(path, "the map's name has a NUL character", "/environment/map")
-        source = table.map if table.map.startswith(STOCK_PREFIX) else str(path.parent / table.map)
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(path, "not a TOML rig: a number in it has thousands of digits") from None
+        tables = checked_tables(document, path)
+        if tables.environment is None and layout is not None:
+            raise InputError("--layout", f"{layout!r}, but the rig {path.name} has no map")
+        environment = Environment.dark()
+        if tables.environment is not None:
+            environment = _environment(tables.environment, path, layout=layout)
+        try:
+            for paint in tables.paint:
+                environment = environment.painted(_region(paint), paint.radiance, opacity=paint.opacity)
+            return cls(environment.with_discs([_disc(disc) for disc in tables.disc]))
+        except InputError as error:  # such as radiance beyond float32
+            raise InputError(path, error.reason) from None
+
+
+def _environment(table: EnvironmentTable, path: Path, *, layout: str | None) -> Environment:
+    own = _opened(table, path, layout=layout, pointer="/environment/map")
+    if table.blend is None:
+        return own
+    other = _opened(table.blend, path, layout=None, pointer="/environment/blend/map")
+    return own.blended(other, table.blend.share)
+
+
+def _opened(table: MapTable, rig: Path, *, layout: str | None, pointer: str) -> Environment:
+    source = table.map if table.map.startswith(STOCK_PREFIX) else str(rig.parent / table.map)
+    try:
         environment = Environment.open(source, layout or table.layout)
-        return cls(environment.rotated(table.rotate_deg).scaled(table.scale).tinted(table.tint))
+        return environment.rotated(table.rotate_deg).scaled(table.scale).tinted(table.tint)
+    except InputError as error:
+        where = f"{error.where}, {rig.name} {pointer}" if error.where else f"{rig.name} {pointer}"
+        raise InputError(error.path, error.reason, where) from None
+
+
+def _direction(table: DiscTable | PaintTable) -> Triple:
+    if table.direction is not None:
+        return table.direction
+    assert table.azimuth_deg is not None  # one or the other: rig_file
+    assert table.elevation_deg is not None
+    x, y, z = pointing(table.azimuth_deg, table.elevation_deg).tolist()
+    return x, y, z
+
+
+def _disc(table: DiscTable) -> Disc:
+    return Disc(_direction(table), table.radius_deg, table.radiance, table.softness)
+
+
+def _region(table: PaintTable) -> Region:
+    if table.radius_deg is None:
+        return Window(table.azimuth_range_deg or (-180.0, 180.0), table.elevation_range_deg or (-90.0, 90.0))
+    return Cap(_direction(table), table.radius_deg, table.softness or 0.0)

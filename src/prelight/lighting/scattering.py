@@ -27,6 +27,9 @@ from ..arrays import Float64, Picture
 SAMPLES_PER_TEXEL_SIDE = 2.0
 COARSEST_STEP = 1.0 / 64.0  # radians; however large a texel is, a sub-sample is smaller than this
 
+_BLOCK = 16  # pixels a side that are passed over together where they miss a slab
+_TABLED = 16  # pieces of a pixel whose sines are tabled
+Offsets = tuple[Float64[np.ndarray, "pieces piece"], Float64[np.ndarray, "pieces piece"]]
 
 Vector = tuple[float, float, float]
 
@@ -88,7 +91,7 @@ def _on_all_faces(d: Vector, e: Vector, f: Vector) -> float:
     return parts
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: tuple) -> None:
     """Share dω = ``weight`` steradians of ``light`` among the texels under a patch of the sphere.
 
@@ -147,38 +150,80 @@ def _split(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Ve
 
 
 @njit(cache=True, nogil=True)
+def _offsets(angle: float) -> Offsets:
+    """Sines and cosines of the middles of 1 … ``_TABLED`` pieces of an angle, from its own middle."""
+    sines, cosines = np.zeros((_TABLED + 1, _TABLED)), np.zeros((_TABLED + 1, _TABLED))
+    for pieces in range(1, _TABLED + 1):
+        for i in range(pieces):
+            off = ((i + 0.5) / pieces - 0.5) * angle
+            sines[pieces, i], cosines[pieces, i] = sin(off), cos(off)
+    return sines, cosines
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _offset(table: Offsets, angle: float, pieces: int, i: int) -> tuple[float, float]:
+    if pieces <= _TABLED:
+        return table[0][pieces, i], table[1][pieces, i]
+    off = ((i + 0.5) / pieces - 0.5) * angle
+    return sin(off), cos(off)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _scatter_pixel(slab: Slab, place: tuple, size: tuple, pieces: tuple, tables: tuple, light: tuple) -> None:
+    """Share one pixel of a lat-long map; ``place``: sine and cosine of its azimuth and of its polar angle."""
+    sine, cosine, ring, y = place
+    (wide, tall), (across, down) = size, pieces
+    h, w = tall / down, wide / across
+    area = w * 2.0 * sin(0.5 * h)  # times the sine of the polar angle: exactly ∫ sin t dt da
+    for i in range(across):
+        so, co = _offset(tables[0], wide, across, i)
+        sa, ca = sine * co + cosine * so, cosine * co - sine * so
+        for j in range(down):
+            so, co = _offset(tables[1], tall, down, j)
+            s, c = ring * co + y * so, y * co - ring * so
+            d = (s * sa, c, -s * ca)
+            e, f = (w * s * ca, 0.0, w * s * sa), (h * c * sa, -h * s, -h * c * ca)
+            _spread(slab, d, e, f, area * s, light)
+
+
+@njit(cache=True, nogil=True)
 def scatter_latlong(slab: Slab, pixels: Picture, turn: float, highest: Vector) -> None:
     """Scatter a latitude-longitude map turned by ``turn`` radians about +Y."""
     height, width = pixels.shape[:2]
     tall, wide = np.pi / height, 2.0 * np.pi / width
     azimuths = -np.pi - turn + wide * (np.arange(width) + 0.5)
     sines, cosines = np.sin(azimuths), np.cos(azimuths)
-    for row in range(height):
-        polar = (row + 0.5) * tall
-        ring, y = sin(polar), cos(polar)
-        widest = min(1.0, ring + 0.5 * tall)
-        rows = (max(row - 1, 0), row, min(row + 1, height - 1))
-        for column in range(width):
-            middle = (ring * sines[column], y, -ring * cosines[column])
-            if _misses(slab, middle, tall + wide * widest):
+    tables = (_offsets(wide), _offsets(tall))
+    for top in range(0, height, _BLOCK):
+        rows_here = min(_BLOCK, height - top)
+        middle_polar = (top + 0.5 * rows_here) * tall
+        ring = min(1.0, sin(middle_polar) + 0.5 * rows_here * tall)
+        for left in range(0, width, _BLOCK):
+            columns_here = min(_BLOCK, width - left)
+            a = -np.pi - turn + wide * (left + 0.5 * columns_here)
+            s = sin(middle_polar)
+            if _misses(
+                slab, (s * sin(a), cos(middle_polar), -s * cos(a)),
+                0.5 * (rows_here * tall + columns_here * wide * ring) + tall + wide,
+            ):  # fmt: skip
                 continue
-            across = _pieces(slab.resolution, middle, wide * widest)
-            down = _pieces(slab.resolution, middle, tall)
-            columns = ((column - 1) % width, column, (column + 1) % width)
-            light = _split(pixels, (row, column), rows, columns, highest)
-            h, w = tall / down, wide / across
-            for i in range(across):
-                a = azimuths[column] - 0.5 * wide + (i + 0.5) * w
-                sa, ca = sin(a), cos(a)
-                for j in range(down):
-                    t = row * tall + (j + 0.5) * h
-                    s, c = sin(t), cos(t)
-                    d, e, f = (
-                        (s * sa, c, -s * ca),
-                        (w * s * ca, 0.0, w * s * sa),
-                        (h * c * sa, -h * s, -h * c * ca),
+            for row in range(top, top + rows_here):
+                polar = (row + 0.5) * tall
+                ring_here, y = sin(polar), cos(polar)
+                widest = min(1.0, ring_here + 0.5 * tall)
+                rows = (max(row - 1, 0), row, min(row + 1, height - 1))
+                for column in range(left, left + columns_here):
+                    middle = (ring_here * sines[column], y, -ring_here * cosines[column])
+                    if _misses(slab, middle, tall + wide * widest):
+                        continue
+                    pieces = (
+                        _pieces(slab.resolution, middle, wide * widest),
+                        _pieces(slab.resolution, middle, tall),
                     )
-                    _spread(slab, d, e, f, w * 2.0 * s * sin(0.5 * h), light)  # exactly ∫ sin t dt da
+                    columns = ((column - 1) % width, column, (column + 1) % width)
+                    light = _split(pixels, (row, column), rows, columns, highest)
+                    place = (sines[column], cosines[column], ring_here, y)
+                    _scatter_pixel(slab, place, (wide, tall), pieces, tables, light)
 
 
 @njit(cache=True, nogil=True)

@@ -3,33 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import numba
 import numpy as np
 
-from ..arrays import CubeMap, Float32, Float64, Int32, Radiance
-from ..bases.cube_map import solid_angles
-from ..bases.quadtree import LeafCover
-from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES, first_tiles, groups_of
-from ..errors import DamagedBakeError, InputError
-from ..storage.bake import Bake
+from ..arrays import CubeMap, Float32, Float64, Radiance
+from ..encoding.sparse_tiles import GROUP
+from ..errors import InputError
+from ..lighting.disc import Disc
+from ..lighting.regions import Cap
+from .layer import EnvironmentLayer
+from .light_tree import LightTree
+from .pace import Pace
 from .tile_kernels import (
     EVERY,
-    cluster_light,
+    UNIT_ROWS,
+    relight_disc,
     relight_full,
     relight_local,
-    relight_local_alone,
     write_radiance,
 )
 
 _LOCAL_SHARE = 0.2  # of the clusters: beyond it a full relight is faster
-_TRY_THE_OTHER = 128  # local updates
-_SMALL = 100_000  # bytes: below, what an update costs does not depend on them
 _REFRESH_AFTER = 4096  # local updates
-_LARGEST_SCALE = np.float32(1 / 255)  # an element is at most 1/π, of a byte's 255 parts
-_REFRESH_BELOW = 1e-3  # of the brightest light since the last full relight
+_REFRESH_BELOW = 0.03  # of the brightest light since the last full relight, which is right to 2e-8 of that
+MOST_DISCS = 32  # whose radiance is kept apart
+
+_INFINITY = np.float32(np.inf).view(np.uint32)
+_NO_CHANGES = (np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int32))
+_NO_WEIGHTS = np.zeros((0, 3), np.float32)
 
 
 @dataclass(frozen=True)
@@ -41,108 +45,120 @@ class Update:
     bytes_read: int
     clusters: int  # changed
 
-
-class EnvironmentLayer:
-    """The transport of a layer, memory-mapped, ready for its kernels."""
-
-    def __init__(self, bake: Bake, name: str = "environment") -> None:
-        record = bake.layers.get(name)
-        if record is None or record.kind != "environment":
-            raise InputError(
-                bake.path, f"has no environment layer; its layers are {', '.join(bake.layers) or 'none'}"
-            )
-        receivers, clusters = bake.manifest.arrays["scene/positions"].shape[0], record.coefficients
-        panels, at = -(-clusters // PANEL), f"layers/{name}"
-        self.resolution = _whole_number(bake, record.parameters.get("resolution"))
-        self.rectangles: Int32[np.ndarray, "clusters 5"] = _array(
-            bake, f"{at}/rectangles", "int32", [clusters, 5]
+    def after(self, other: Update) -> Update:
+        """Both in one."""
+        kind = next((k for k in ("full", "local") if k in (self.kind, other.kind)), "none")
+        return Update(
+            kind,
+            self.milliseconds + other.milliseconds,
+            self.bytes_read + other.bytes_read,
+            self.clusters + other.clusters,
         )
-        self.scales: Float32[np.ndarray, "clusters"] = _array(bake, f"{at}/scales", "float32", [clusters])
-        self.order: Int32[np.ndarray, "receivers"] = _array(bake, f"{at}/order", "int32", [receivers])
-        present = _array(bake, f"{at}/present", "uint16", [panels, groups_of(receivers)])
-        self.present = np.ascontiguousarray(present)
-        self.first = first_tiles(self.present).astype(np.int32)
-        counts = np.maximum(np.bitwise_count(self.present).sum(axis=1, dtype=np.int64), 1)
-        self.tiles = [
-            _array(bake, f"{at}/tiles/{p:05d}", "uint8", [int(count), TILE, GROUP])
-            for p, count in enumerate(counts)
-        ]
-        self.addresses = np.array([tiles.ctypes.data for tiles in self.tiles], np.int64)
-        bits = self.present[:, :, None] >> np.arange(TILES, dtype=np.uint16) & 1
-        self.groups_of_column = bits.sum(axis=1, dtype=np.int64).ravel()  # that have a tile there
-        self.tree = LeafCover(self.rectangles, self.resolution)
-        self._check(bake, record.basis_lights)
 
-    def _check(self, bake: Bake, basis_lights: int) -> None:
-        """A kernel follows these numbers to memory: none may point outside. Raises DamagedBakeError."""
-        if not np.array_equal(np.sort(self.order), np.arange(len(self.order))):
-            raise DamagedBakeError(bake.path, "the order of receivers in its environment layer is not one")
-        if not ((self.scales >= 0) & (self.scales <= _LARGEST_SCALE)).all():
-            raise DamagedBakeError(
-                bake.path, "a scale in its environment layer is not a number from 0 to 1/255"
-            )
-        if (
-            basis_lights != 6 * self.resolution**2
-            or not self._leaves_are_inside()
-            or not self.tree.is_whole_tree
-        ):
-            what = f"the rectangles of its environment layer are no quadtree of 6·{self.resolution}² texels"
-            raise DamagedBakeError(bake.path, what)
 
-    def _leaves_are_inside(self) -> bool:
-        face, row, column, height, width = self.rectangles.T.astype(np.int64)
-        R = self.resolution
-        return bool(
-            ((face >= 0) & (face < 6) & (row >= 0) & (column >= 0) & (height > 0) & (width > 0)).all()
-            and ((row + height <= R) & (column + width <= R)).all()
-        )
+@dataclass
+class _Lit:
+    """A disc that is alight: its colour now, and what radiance it brings at strength one (``unit``)."""
+
+    colour: Float64[np.ndarray, "3"]
+    unit: Float32[np.ndarray, "groups 96"]
+    alight: np.ndarray  # (groups,) bool
+    solid_angle: float = 0.0
+    clusters: int = 0
+
+
+@dataclass
+class _Ledger:
+    """How much light there is and was: when sums are to be made anew."""
+
+    discs: float = 0.0
+    cube: float = 0.0
+    brightest: float = 0.0
+    since_full: int = 0
 
     @property
-    def bytes(self) -> int:
-        """Bytes that a full relight reads."""
-        return sum(tiles.nbytes for tiles in self.tiles) + self.present.nbytes
+    def total(self) -> float:
+        return self.discs + self.cube
+
+    def is_due(self) -> bool:
+        self.brightest = max(self.brightest, self.total)
+        return self.since_full >= _REFRESH_AFTER or self.total < _REFRESH_BELOW * self.brightest
+
+
+@dataclass(frozen=True)
+class _Paces:
+    local: Pace = field(default_factory=lambda: Pace(relight_local))
+    moved: Pace = field(default_factory=lambda: Pace(relight_disc))
+    brightened: Pace = field(default_factory=lambda: Pace(relight_disc))
+    write: Pace = field(default_factory=lambda: Pace(write_radiance))
 
 
 class EnvironmentRelighter:
-    """A layer, the light that falls on it now, and the irradiance / π that follows (``_sums``, storage order)."""
+    """A layer, the light that falls on it now, and what follows from it (``_sums``, storage order).
 
-    def __init__(self, layer: EnvironmentLayer, albedo: Float32[np.ndarray, "receivers 3"]) -> None:
+    The light is a cube of texels and, on top of it, soft discs: each disc's radiance at strength one is kept, so
+    that brightening it reads no transfer and moving it only that of the clusters where it now is.
+
+    Parameters
+    ----------
+    albedo
+        (rows, 3), multiplies irradiance / π where the layer keeps that; None for a layer of pixels.
+    """
+
+    def __init__(
+        self, layer: EnvironmentLayer, albedo: Float32[np.ndarray, "receivers 3"] | None = None
+    ) -> None:
         self.layer = layer
-        self._albedo = np.ascontiguousarray(albedo)
-        R, clusters = layer.resolution, len(layer.rectangles)
+        self._albedo = np.ones((1, 3), np.float32) if albedo is None else np.ascontiguousarray(albedo)
+        if albedo is None and (layer.channels_of_group == 1).any():
+            raise InputError("albedo", "None, expected (rows, 3): this layer keeps irradiance")
+        R = layer.resolution
         self._cube = np.zeros((6, R, R, 3), np.float32)
-        self._light: Float64[np.ndarray, "clusters 3"] = np.zeros((clusters, 3))
-        self._sums = np.zeros((layer.present.shape[1], 3 * GROUP))
-        self._threads = numba.get_num_threads()
-        self._scratch = np.zeros((self._threads, 3 * GROUP), np.float32)
-        self._brightest = 0.0
-        self._since_full = 0
-        self._pace = _Pace()
+        self._tree = LightTree(layer)
+        self._lit: dict[Cap, _Lit] = {}
+        self._sums = np.zeros((layer.groups, 3 * GROUP))
+        self._shares = layer.even_shares(numba.get_num_threads())
+        self._scratch = np.zeros((len(self._shares) - 1, 3 * GROUP), np.float32)
+        self._ledger, self._paces = _Ledger(), _Paces()
         self.last = Update("none", 0.0, 0, 0)
 
     @property
     def cube(self) -> CubeMap:
-        """The environment now, (6, R, R, 3) radiance; read-only."""
+        """The texels of the environment now, (6, R, R, 3) radiance, without its discs; read-only."""
         view = self._cube.view()
         view.flags.writeable = False
         return view
 
     @property
     def radiance(self) -> Radiance:
-        """(R, 3), in receiver order; a copy."""
-        radiance = np.empty_like(self._albedo)
-        write_radiance(self.layer.order, self._albedo, self._sums, radiance)
+        """(rows, 3), in receiver order; a copy."""
+        return self._written(self._albedo)
+
+    @property
+    def irradiance(self) -> Radiance:
+        """The same without the albedo: irradiance / π, where the layer keeps that; a copy."""
+        return self._written(np.ones_like(self._albedo))
+
+    def _written(self, albedo: np.ndarray) -> Radiance:
+        layer, radiance = self.layer, np.empty((self.layer.rows, 3), np.float32)
+        self._paces.write(
+            radiance.nbytes,
+            layer.order, layer.channels_of_group, albedo, self._sums, radiance, self._shares,
+        )  # fmt: skip
         return radiance
 
     def set_cube(self, cube: CubeMap) -> Update:
-        """Replace the whole environment (copied); only the clusters whose light changes are summed again."""
+        """Replace all texels (copied); only clusters whose light changes are summed again. Discs stay.
+
+        Raises InputError for another shape, or radiance that is negative or not finite.
+        """
         R = self.layer.resolution
         if cube.shape != (6, R, R, 3):
             raise InputError("environment", f"a cube map of shape {cube.shape}, expected (6, {R}, {R}, 3)")
         cube = _radiances(cube)
         started = time.perf_counter()
-        self._cube[...] = cube
-        return self._set_light(np.arange(len(self._light)), started)
+        np.copyto(self._cube, cube)
+        return self._follow(*self._tree.light_all(self._cube), started)
 
     def edit(self, face: int, rows: slice, columns: slice, radiance: np.ndarray) -> Update:
         """Replace a rectangle of texels (section 5.2).
@@ -156,128 +172,129 @@ class EnvironmentRelighter:
         radiance
             One colour ``(3,)`` or texels ``(rows, columns, 3)``; finite, not negative.
         """
+        started = time.perf_counter()
         R = self.layer.resolution
-        for name, part in (("rows", rows), ("columns", columns)):
-            if (
-                part.step not in (None, 1)
-                or not 0 <= (part.start or 0) < (part.stop if part.stop is not None else R) <= R
-            ):
-                raise InputError(name, f"{part}, expected slice(start, stop) within 0 to {R}")
         if face not in range(6):
             raise InputError("face", f"{face!r}, expected 0 to 5")
-        rows = slice(rows.start or 0, R if rows.stop is None else rows.stop)
-        columns = slice(columns.start or 0, R if columns.stop is None else columns.stop)
+        top, bottom = _ends("rows", rows, R)
+        left, right = _ends("columns", columns, R)
         values = _radiances(np.asarray(radiance, np.float32))
-        shape = (rows.stop - rows.start, columns.stop - columns.start, 3)
+        shape = (bottom - top, right - left, 3)
         if values.shape not in (shape, (3,)):
             raise InputError("radiance", f"shape {values.shape}, expected (3,) or {shape}")
+        self._cube[face, top:bottom, left:right] = values
+        return self._follow(*self._tree.light_part(self._cube, face, (top, left, bottom, right)), started)
+
+    def set_discs(self, discs: Iterable[Disc]) -> Update:
+        """Light these discs on top of the cube, and no others; at most 32 places, raises InputError beyond.
+
+        A disc of a place where one is already only changes its colour; others move from where discs have gone.
+        """
         started = time.perf_counter()
-        self._cube[face, rows, columns] = values
-        return self._set_light(self.layer.tree.intersecting(face, rows, columns), started)
+        wanted: dict[Cap, np.ndarray] = {}
+        for disc in discs:
+            wanted[disc.region] = wanted.get(disc.region, 0.0) + np.array(disc.radiance)
+        if len(wanted) > MOST_DISCS:
+            raise InputError("discs", f"{len(wanted)} of them, expected at most {MOST_DISCS}")
+        gone = [region for region in self._lit if region not in wanted]
+        clusters = read = 0
+        for region, colour in wanted.items():
+            if region not in self._lit:
+                read += self._move(gone.pop(0) if gone else None, region, colour)
+            elif (colour != self._lit[region].colour).any():
+                read += self._brighten(self._lit[region], colour)
+            else:
+                continue
+            clusters += self._lit[region].clusters
+        for region in gone:
+            lit = self._lit.pop(region)
+            read += self._brighten(lit, np.zeros(3))
+            clusters += lit.clusters
+        self._ledger.discs = sum(lit.solid_angle * float(lit.colour.sum()) for lit in self._lit.values())
+        self._ledger.since_full += clusters > 0
+        if clusters and self._ledger.is_due():
+            return self._full(started, clusters)
+        kind = "local" if clusters else "none"
+        self.last = Update(kind, (time.perf_counter() - started) * 1e3, read, clusters)
+        return self.last
 
     def refresh(self) -> Update:
         """Relight in full: sums made anew, whatever came before."""
-        return self._full(time.perf_counter(), len(self._light))
+        return self._full(time.perf_counter(), len(self.layer.rectangles))
 
-    def _set_light(self, clusters: np.ndarray, started: float) -> Update:
-        light = np.empty((len(clusters), 3))
-        cluster_light(self._cube, solid_angles(self.layer.resolution), self.layer.rectangles, clusters, light)
-        change = light - self._light[clusters]
-        changed = change.any(axis=1)
-        clusters, change = clusters[changed], change[changed]
-        self._light[clusters] = light[changed]
-        total = float(self._light.sum())
-        self._brightest = max(self._brightest, total)
-        if not len(clusters):
+    def _move(self, old: Cap | None, region: Cap, colour: np.ndarray) -> int:
+        """A disc goes from one place to another, or comes new; bytes read."""
+        lit = self._lit.pop(old) if old is not None else self._new_disc()
+        nodes, weights = self._tree.weights_of(region)
+        lit.solid_angle, lit.clusters = region.solid_angle, self._tree.clusters_of(nodes)
+        *changes, shares = self._tree.gather(nodes, weights)
+        read = self._bytes_of(*changes[1:3])
+        colours = np.stack([-lit.colour, colour])
+        self._blend(self._paces.moved, read, tuple(changes), shares.astype(np.float32), colours, lit)
+        lit.colour = colour
+        self._lit[region] = lit
+        return read
+
+    def _brighten(self, lit: _Lit, colour: np.ndarray) -> int:
+        change = (colour - lit.colour)[None]
+        self._blend(self._paces.brightened, lit.unit.nbytes, _NO_CHANGES, _NO_WEIGHTS, change, lit)
+        lit.colour = colour
+        return 0
+
+    def _blend(
+        self, pace: Pace, size: int, changes: tuple, weights: np.ndarray, colours: np.ndarray, lit: _Lit
+    ):
+        tiles, into = self.layer.tiles, self._sums
+        pace(size, tiles, changes, weights, colours, UNIT_ROWS, lit.unit, lit.alight, into, self._shares)
+
+    def _new_disc(self) -> _Lit:
+        groups = self.layer.groups
+        return _Lit(np.zeros(3), np.zeros((groups, 3 * GROUP), np.float32), np.zeros(groups, bool))
+
+    def _bytes_of(self, column: np.ndarray, start: np.ndarray) -> int:
+        return int((self.layer.tiles_of_column[column] * np.diff(start)).sum()) * GROUP
+
+    def _follow(self, nodes: np.ndarray, change: np.ndarray, started: float) -> Update:
+        """Relight after nodes of the tree have changed their light."""
+        clusters = self._tree.clusters_of(nodes)
+        self._ledger.cube += self._tree.total(nodes, change)
+        if clusters == 0:
             self.last = Update("none", (time.perf_counter() - started) * 1e3, 0, 0)
-        elif (
-            len(clusters) > _LOCAL_SHARE * len(self._light)
-            or self._since_full >= _REFRESH_AFTER
-            or total < _REFRESH_BELOW * self._brightest
-        ):
-            self._full(started, len(clusters))
+        elif self._ledger.is_due() or clusters > _LOCAL_SHARE * len(self.layer.rectangles):
+            self._full(started, clusters)
         else:
-            self._local(started, clusters, change)
+            *changes, weights = self._tree.gather(nodes, change)
+            read = self._bytes_of(*changes[1:3])
+            self._paces.local(read, self.layer.tiles, tuple(changes), weights, self._sums, self._shares)
+            self._ledger.since_full += 1
+            self.last = Update("local", (time.perf_counter() - started) * 1e3, read, clusters)
         return self.last
 
     def _full(self, started: float, changed: int) -> Update:
-        layer = self.layer
-        weights = np.zeros((len(layer.present) * PANEL, 3), np.float32)
-        weights[: len(self._light)] = self._light * layer.scales[:, None]
-        lit = weights.reshape(-1, TILES, TILE * 3).any(axis=2) @ (1 << np.arange(TILES))
-        relight_full(
-            layer.addresses,
-            layer.first,
-            layer.present,
-            lit.astype(np.uint16),
-            weights,
-            EVERY.copy(),
-            self._scratch,
-            self._sums,
-        )
-        self._since_full, self._brightest = 0, float(self._light.sum())
-        self.last = Update("full", (time.perf_counter() - started) * 1e3, layer.bytes, changed)
+        weights, lit = self._tree.weigh()
+        relight_full(self.layer.tiles, lit, weights, EVERY, self._scratch, self._sums, self._shares)
+        for disc in self._lit.values():
+            self._blend(
+                self._paces.brightened, disc.unit.nbytes, _NO_CHANGES, _NO_WEIGHTS, disc.colour[None], disc
+            )
+        ledger = self._ledger
+        ledger.cube, ledger.since_full = self._tree.total(), 0
+        ledger.brightest = ledger.total
+        self.last = Update("full", (time.perf_counter() - started) * 1e3, self.layer.bytes, changed)
         return self.last
 
-    def _local(self, started: float, clusters: np.ndarray, change: np.ndarray) -> None:
-        layer = self.layer
-        began = time.perf_counter()
-        tile, within = np.divmod(clusters, TILE)
-        start = np.flatnonzero(np.diff(tile, prepend=-1))
-        column, start = tile[start], np.append(start, len(clusters))
-        read = int((layer.groups_of_column[column] * np.diff(start)).sum()) * GROUP
-        kernel = self._pace.choose()
-        kernel(
-            layer.addresses,
-            layer.first,
-            layer.present,
-            column,
-            start,
-            within.astype(np.int32),
-            change * layer.scales[clusters, None],
-            self._sums,
-            self._threads,
-        )
-        self._pace.note(kernel, (time.perf_counter() - began) / max(read, _SMALL))
-        self._since_full += 1
-        self.last = Update("local", (time.perf_counter() - started) * 1e3, read, len(clusters))
 
-
-class _Pace:
-    """Which local kernel is faster here and now: both do the same, one with all threads, one with its own."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[Callable, float] = {relight_local: 0.0, relight_local_alone: 0.0}
-        self._count = 0
-
-    def choose(self) -> Callable:
-        """The faster one of late; now and then the other, in case that has changed."""
-        self._count += 1
-        faster, slower = sorted(self._seconds, key=self._seconds.__getitem__)
-        return slower if self._count % _TRY_THE_OTHER == 0 else faster
-
-    def note(self, kernel: Callable, seconds_per_byte: float) -> None:
-        before = self._seconds[kernel]
-        self._seconds[kernel] = 0.5 * (before + seconds_per_byte) if before else seconds_per_byte
+def _ends(name: str, part: slice, resolution: int) -> tuple[int, int]:
+    start, stop = part.start or 0, resolution if part.stop is None else part.stop
+    if part.step not in (None, 1) or not 0 <= start < stop <= resolution:
+        raise InputError(name, f"{part}, expected slice(start, stop) within 0 to {resolution}")
+    return start, stop
 
 
 def _radiances(values: np.ndarray) -> np.ndarray:
     values = np.ascontiguousarray(values, np.float32)
-    if not np.isfinite(values).all() or (values < 0).any():
+    # One quick pass: as whole numbers, the bits of what is negative or no number are above those of infinity.
+    suspect = values.size and values.view(np.uint32).max() >= _INFINITY  # −0 too, which is no harm
+    if suspect and not ((values >= 0).all() and np.isfinite(values).all()):
         raise InputError("radiance", "has values that are negative or not finite; expected numbers from 0 up")
     return values
-
-
-def _array(bake: Bake, name: str, dtype: str, shape: list[int]) -> np.ndarray:
-    """Raises DamagedBakeError, before anything is read, for an array of another type or shape."""
-    spec = bake.manifest.arrays.get(name)
-    if spec is None or spec.dtype != dtype or spec.shape != shape:
-        found = "is missing" if spec is None else f"is {spec.dtype} {spec.shape}"
-        raise DamagedBakeError(bake.path, f"array {name} {found}, expected {dtype} {shape}")
-    return bake.array(name)
-
-
-def _whole_number(bake: Bake, value: object) -> int:
-    if not isinstance(value, int) or not 1 <= value <= 4096:
-        raise DamagedBakeError(bake.path, f"its resolution is {value!r}")
-    return value

@@ -3,6 +3,10 @@
 Sums over the clusters of a panel are float32, sums over panels float64; increments are float64
 throughout, so that they cancel what they once added. Each group of 32 receivers belongs to one
 thread and is summed in a fixed order: the result does not depend on the number of threads.
+
+``sums`` (groups, 96) holds three channels of 32 receivers, in storage order; ``shares`` (threads + 1,)
+says that thread t has groups shares[t] … shares[t + 1]. A zone's tiles have one channel, which
+three colours of light multiply, or three, each multiplied by its own.
 """
 
 from __future__ import annotations
@@ -12,207 +16,241 @@ from llvmlite import ir
 from numba import njit, prange, types
 
 from ..encoding.sparse_tiles import GROUP, TILE, TILES
-from .vector_code import prefetch, tile_product
+from .layer import Tiles
+from .vector_code import count_bits, prefetch, tile_product
 
-_product32 = tile_product(ir.FloatType())
-_product64 = tile_product(ir.DoubleType())
+_full_grey = tile_product(ir.FloatType(), colours=3)
+_full_one = tile_product(ir.FloatType(), colours=1)
+_local_grey = tile_product(ir.DoubleType(), colours=3)
+_local_one = tile_product(ir.DoubleType(), colours=1)
+_blend_grey = tile_product(ir.DoubleType(), colours=3, source=ir.FloatType())
+_blend_one = tile_product(ir.DoubleType(), colours=1, source=ir.FloatType())
 
 _TILE_BYTES = TILE * GROUP
-_AHEAD = 12  # groups whose tiles are on their way while one is multiplied
+_AHEAD = 16  # groups whose tiles are on their way while one is multiplied
+_SUM_BYTES, _ROW_BYTES = 8 * GROUP, 4 * GROUP  # of a channel of a group, in sums and units
+
+i8, i4, f4, f8 = types.int64, types.int32, types.float32, types.float64
 
 
 def _read_only(kind: types.Type, dimensions: int) -> types.Array:
     return types.Array(kind, dimensions, "C", readonly=True)
 
 
-@njit(cache=True)
-def _count_bits(bits):
-    count = 0
-    while bits:
-        bits &= bits - 1
-        count += 1
-    return count
+_TILES = types.NamedTuple(
+    [_read_only(i8, 2), _read_only(i8, 1), _read_only(i8, 1), _read_only(i4, 1), _read_only(types.uint16, 1)],
+    Tiles,
+)
+_SHARES = _read_only(i8, 1)
 
 
 @njit(cache=True)
-def _full_groups(addresses, first, present, lit, weights, every, scratch, sums, begin, end):
-    panels = len(addresses)
-    for g in range(begin, end):
-        for i in range(3 * GROUP):
-            sums[g, i] = 0
-    for p in range(panels):
-        if lit[p] == 0:
+def _full_groups(tiles, lit, weights, every, scratch, sums, begin, end):
+    sums[begin:end] = 0
+    for z in range(len(tiles.zones)):
+        first_group, groups, channels, panel, panels = tiles.zones[z]
+        low, high = max(begin - first_group, 0), min(end - first_group, groups)
+        if low >= high:
             continue
-        for g in range(begin, end):
-            bits = present[p, g] & lit[p]
-            if bits == 0:
+        for p in range(panel, panel + panels):
+            if lit[p] == 0:
                 continue
-            for i in range(3 * GROUP):
-                scratch[i] = 0
-            t = first[p, g]
-            for s in range(TILES):
-                if (bits >> s) & 1:
-                    _product32(
-                        addresses[p] + t * _TILE_BYTES,
-                        every.ctypes.data,
-                        weights.ctypes.data + ((p * TILES + s) * TILE) * 12,
-                        TILE,
-                        scratch.ctypes.data,
-                    )
-                t += (present[p, g] >> s) & 1
-            for i in range(3 * GROUP):
-                sums[g, i] += scratch[i]
+            for c in range(channels):
+                for g in range(low, high):
+                    word = tiles.words[p] + c * groups + g
+                    bits = tiles.present[word]
+                    if bits & lit[p] == 0:
+                        continue
+                    scratch[:] = 0
+                    tile = tiles.addresses[p] + tiles.first[word] * _TILE_BYTES
+                    weight = weights.ctypes.data + p * (TILES * TILE * 12) + c * 4
+                    for s in range(TILES):
+                        if (bits & lit[p]) >> s & 1:
+                            if channels == 1:
+                                _full_grey(tile, every.ctypes.data, weight, TILE, scratch.ctypes.data)
+                            else:
+                                _full_one(tile, every.ctypes.data, weight, TILE, scratch.ctypes.data)
+                        tile += (bits >> s & 1) * _TILE_BYTES
+                        weight += TILE * 12
+                    if channels == 1:
+                        for i in range(3 * GROUP):
+                            sums[first_group + g, i] += scratch[i]
+                    else:
+                        for i in range(GROUP):
+                            sums[first_group + g, c * GROUP + i] += scratch[i]
 
 
 @njit(
-    [
-        types.void(
-            _read_only(types.int64, 1),
-            _read_only(types.int32, 2),
-            _read_only(types.uint16, 2),
-            types.uint16[::1],
-            types.float32[:, ::1],
-            types.int32[::1],
-            types.float32[:, ::1],
-            types.float64[:, ::1],
-        )
-    ],
+    [types.void(_TILES, types.uint16[::1], f4[:, ::1], _read_only(i4, 1), f4[:, ::1], f8[:, ::1], _SHARES)],
     parallel=True,
     cache=True,
 )
-def relight_full(addresses, first, present, lit, weights, every, scratch, sums):
+def relight_full(tiles, lit, weights, every, scratch, sums, shares):
     """sums = Σ_k weights_k T_k  (Eq. 8).
 
-    addresses (P,) of the panels' tiles; first, present (P, G); lit (P,) bits of the tiles that have a
-    weight; weights (P·256, 3), scale included; every = 0 … 15; scratch (threads, 96);
-    sums (G, 96): three channels of 32 receivers, in storage order.
+    lit (panels,) bits of the tiles that have a weight; weights (panels·256, 3), scale included;
+    every = 0 … 15; scratch (threads, 96).
     """
-    threads, groups = len(scratch), present.shape[1]
-    for t in prange(threads):
-        begin, end = groups * t // threads, groups * (t + 1) // threads
-        _full_groups(addresses, first, present, lit, weights, every, scratch[t], sums, begin, end)
+    for t in prange(len(shares) - 1):
+        _full_groups(tiles, lit, weights, every, scratch[t], sums, shares[t], shares[t + 1])
 
 
 @njit(cache=True)
-def _tile_address(addresses, first, present, column, g):
-    """Where a group's tile of a tile column is, 0 if it is all zero."""
+def _tile_address(addresses, words, first, present, column, word):
+    """Where the tile of a tile column p·16 + s and the word-th group of the panel is, 0 if it is all zero."""
     p, s = column // TILES, column % TILES
-    bits = present[p, g]
+    word += words[p]
+    bits = present[word]
     if not (bits >> s) & 1:
         return 0
-    return addresses[p] + (first[p, g] + _count_bits(bits & ((1 << s) - 1))) * _TILE_BYTES
+    return addresses[p] + (first[word] + count_bits(bits & ((1 << s) - 1))) * _TILE_BYTES
 
 
 @njit(cache=True)
-def _local_groups(addresses, first, present, column, start, index, weights, sums, begin, end):
-    for g in range(begin, end):
-        for c in range(len(column)):
-            if g + _AHEAD < end:
-                soon = _tile_address(addresses, first, present, column[c], g + _AHEAD)
-                if soon:
-                    for n in range(start[c], start[c + 1]):
-                        prefetch(soon + index[n] * GROUP)
-            tile = _tile_address(addresses, first, present, column[c], g)
-            if tile:
-                a = start[c]
-                _product64(
-                    tile,
-                    index.ctypes.data + a * 4,
-                    weights.ctypes.data + a * 24,
-                    start[c + 1] - a,
-                    sums.ctypes.data + g * (3 * GROUP * 8),
-                )
+def _local_groups(tiles, changes, weights, sums, begin, end):
+    zones, addresses, words, first, present = tiles
+    begins, column, start, index = changes
+    for z in range(len(zones)):
+        first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
+        if begins[z] == begins[z + 1]:
+            continue
+        for g in range(max(begin - first_group, 0), min(end - first_group, groups)):
+            for c in range(channels):
+                into = sums.ctypes.data + ((first_group + g) * 3 + c) * _SUM_BYTES
+                for n in range(begins[z], begins[z + 1]):
+                    a, b, word = start[n], start[n + 1], c * groups + g
+                    if g + _AHEAD < groups:
+                        soon = _tile_address(addresses, words, first, present, column[n], word + _AHEAD)
+                        if soon:
+                            for i in range(a, b):
+                                prefetch(soon + index[i] * GROUP)
+                    tile = _tile_address(addresses, words, first, present, column[n], word)
+                    if tile == 0:
+                        continue
+                    where, weight = index.ctypes.data + a * 4, weights.ctypes.data + a * 24 + c * 8
+                    if channels == 1:
+                        _local_grey(tile, where, weight, b - a, into)
+                    else:
+                        _local_one(tile, where, weight, b - a, into)
 
 
-_local_signature = types.void(
-    _read_only(types.int64, 1),
-    _read_only(types.int32, 2),
-    _read_only(types.uint16, 2),
-    types.int64[::1],
-    types.int64[::1],
-    types.int32[::1],
-    types.float64[:, ::1],
-    types.float64[:, ::1],
-    types.int64,
-)
+_CHANGES = types.Tuple((i8[::1], i8[::1], i8[::1], i4[::1]))  # begins, column, start, index
+_local_signature = types.void(_TILES, _CHANGES, f8[:, ::1], f8[:, ::1], _SHARES)
 
 
 @njit([_local_signature], parallel=True, cache=True)
-def relight_local(addresses, first, present, column, start, index, weights, sums, threads):
-    """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15).
-
-    column (C,) tile columns p·16 + s that hold a changed cluster; start (C + 1,) where each one's clusters
-    begin in index (cluster within the tile) and weights (n, 3) float64, scale included.
-    """
-    groups = present.shape[1]
-    for t in prange(threads):
-        begin, end = groups * t // threads, groups * (t + 1) // threads
-        _local_groups(addresses, first, present, column, start, index, weights, sums, begin, end)
-
-
-@njit([_local_signature], cache=True)
-def relight_local_alone(addresses, first, present, column, start, index, weights, sums, threads):
-    """The same, to the last bit, in the calling thread: where others keep the processors busy, waiting for a
-    second thread costs a time slice (8 ms seen) and the work itself a fraction of a millisecond."""
-    _local_groups(addresses, first, present, column, start, index, weights, sums, 0, present.shape[1])
+def relight_local(tiles, changes, weights, sums, shares):
+    """sums += Σ_t (L'_t − L_t) T_t over the changed clusters (Eq. 15), as ``gather_changes`` lists them."""
+    for t in prange(len(shares) - 1):
+        _local_groups(tiles, changes, weights, sums, shares[t], shares[t + 1])
 
 
 @njit(cache=True)
-def _write_group(g, order, albedo, sums, radiance):
-    for i in range(min(GROUP, len(order) - g * GROUP)):
-        r = order[g * GROUP + i]
+def _blend(channels, units, rows, colours, count, sums):
+    """sums += Σ_n colours_n · unit_n of a group; all are addresses, rows the whole numbers 0, 3."""
+    if channels == 1:
+        _blend_grey(units, rows, colours, count, sums)
+    else:
         for c in range(3):
-            radiance[r, c] = np.float32(max(sums[g, c * GROUP + i], 0.0)) * albedo[r, c]
-
-
-@njit(
-    [
-        types.void(
-            _read_only(types.int32, 1),
-            _read_only(types.float32, 2),
-            types.float64[:, ::1],
-            types.float32[:, ::1],
-        )
-    ],
-    parallel=True,
-    cache=True,
-)
-def write_radiance(order, albedo, sums, radiance):
-    """radiance[receiver] = albedo · sum, (R, 3), from storage order to the scene's."""
-    for g in prange(len(sums)):
-        _write_group(g, order, albedo, sums, radiance)
+            _blend_one(units + c * _ROW_BYTES, rows, colours + c * 8, count, sums + c * _SUM_BYTES)
 
 
 @njit(cache=True)
-def _rectangle_sum(cube, solid_angles, rectangle, out):
-    f, i0, j0, h, w = rectangle[0], rectangle[1], rectangle[2], rectangle[3], rectangle[4]
-    r = g = b = 0.0
-    for i in range(i0, i0 + h):
-        texels, weight = cube[f, i, j0 : j0 + w], solid_angles[i, j0 : j0 + w]
-        for j in range(w):
-            r += texels[j, 0] * weight[j]
-            g += texels[j, 1] * weight[j]
-            b += texels[j, 2] * weight[j]
-    out[0], out[1], out[2] = r, g, b
+def _brighten_groups(tiles, colours, rows, unit, alight, sums, begin, end):
+    zones = tiles.zones
+    for z in range(len(zones)):
+        first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
+        for g in range(max(begin, first_group), min(end, first_group + groups)):
+            if alight[g]:
+                row, into = unit.ctypes.data + g * 3 * _ROW_BYTES, sums.ctypes.data + g * 3 * _SUM_BYTES
+                _blend(channels, row, rows.ctypes.data, colours.ctypes.data, 1, into)
 
 
-@njit(
-    [
-        types.void(
-            _read_only(types.float32, 4),
-            _read_only(types.float32, 2),
-            _read_only(types.int32, 2),
-            _read_only(types.int64, 1),
-            types.float64[:, ::1],
-        )
-    ],
-    parallel=True,
-    cache=True,
+@njit(cache=True)
+def _move_groups(tiles, changes, weights, colours, rows, unit, alight, sums, begin, end):
+    zones, addresses, words, first, present = tiles
+    begins, column, start, index = changes
+    both = np.zeros((2, 3 * GROUP), np.float32)  # units of the light that goes, of the one that comes
+    soon = np.zeros((_AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
+    for z in range(len(zones)):
+        first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
+        low, high = max(begin - first_group, 0), min(end - first_group, groups)
+        for ahead in range(low, high + _AHEAD):
+            if ahead >= low + _AHEAD:
+                g = first_group + ahead - _AHEAD
+                for i in range(3 * GROUP):
+                    both[0, i], both[1, i] = unit[g, i], 0
+                was_alight, is_alight = alight[g], False
+                for c in range(channels):
+                    into = both.ctypes.data + (3 + c) * _ROW_BYTES
+                    for n in range(begins[z], begins[z + 1]):
+                        tile, a = soon[ahead & _AHEAD - 1, c, n], start[n]
+                        if tile:
+                            is_alight = True
+                            where, weight = index.ctypes.data + a * 4, weights.ctypes.data + a * 12 + c * 4
+                            _full_one(tile, where, weight, start[n + 1] - a, into)
+                if was_alight or is_alight:
+                    for i in range(3 * GROUP):
+                        unit[g, i] = both[1, i]
+                    alight[g] = is_alight
+                    into = sums.ctypes.data + g * 3 * _SUM_BYTES
+                    _blend(channels, both.ctypes.data, rows.ctypes.data, colours.ctypes.data, 2, into)
+            if ahead < high:
+                for c in range(channels):
+                    for n in range(begins[z], begins[z + 1]):
+                        word = c * groups + ahead
+                        tile = _tile_address(addresses, words, first, present, column[n], word)
+                        soon[ahead & _AHEAD - 1, c, n] = tile
+                        if tile:
+                            for i in range(start[n], start[n + 1]):
+                                prefetch(tile + index[i] * GROUP)
+
+
+_disc_signature = types.void(
+    _TILES, _CHANGES, f4[:, ::1], f8[:, ::1], _read_only(i4, 1), f4[:, ::1], types.boolean[::1], f8[:, ::1], _SHARES
+)  # fmt: skip
+
+
+@njit([_disc_signature], parallel=True, cache=True)
+def relight_disc(tiles, changes, weights, colours, rows, unit, alight, sums, shares):
+    """A light that keeps its shape for a while: sums += colour · unit, unit (groups, 96) = Σ_t w_t T_t.
+
+    colours (1, 3) is by how much its colour changes. colours (2, 3) takes a light away, minus its colour, and
+    lights another in its place: its weights come as ``gather_changes`` lists them, its unit is kept. alight
+    (groups,) says where the unit is not zero; rows = 0, 3.
+    """
+    for t in prange(len(shares) - 1):
+        if len(colours) == 1:
+            _brighten_groups(tiles, colours, rows, unit, alight, sums, shares[t], shares[t + 1])
+        else:
+            _move_groups(
+                tiles, changes, weights, colours, rows, unit, alight, sums, shares[t], shares[t + 1]
+            )
+
+
+@njit(cache=True)
+def _write_groups(order, channels, albedo, sums, radiance, begin, end):
+    for g in range(begin, end):
+        for i in range(GROUP):
+            r = order[g * GROUP + i]
+            if r < 0:
+                continue
+            for c in range(3):
+                value = np.float32(max(sums[g, c * GROUP + i], 0.0))
+                radiance[r, c] = value * albedo[r, c] if channels[g] == 1 else value
+
+
+_write_signature = types.void(
+    _read_only(i4, 1), _read_only(types.uint8, 1), _read_only(f4, 2), f8[:, ::1], f4[:, ::1], _SHARES
 )
-def cluster_light(cube, solid_angles, rectangles, clusters, light):
-    """L_C of the clusters: radiance times solid angle, summed over their texels (section 5.1); light (n, 3)."""
-    for n in prange(len(clusters)):
-        _rectangle_sum(cube, solid_angles, rectangles[clusters[n]], light[n])
+
+
+@njit([_write_signature], parallel=True, cache=True)
+def write_radiance(order, channels, albedo, sums, radiance, shares):
+    """Radiance (rows, 3) from storage order: sums, times albedo (rows, 3) in groups of one channel."""
+    for t in prange(len(shares) - 1):
+        _write_groups(order, channels, albedo, sums, radiance, shares[t], shares[t + 1])
 
 
 EVERY = np.arange(TILE, dtype=np.int32)
+UNIT_ROWS = np.array([0, 3], np.int32)

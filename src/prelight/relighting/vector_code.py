@@ -16,15 +16,16 @@ from numba.extending import intrinsic
 from ..encoding.sparse_tiles import GROUP
 
 _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
+_BYTES = {"i8": 1, "float": 4, "double": 8}
 
 
-def tile_product(element: ir.Type) -> Callable:
+def tile_product(element: ir.Type, *, colours: int, source: ir.Type = _I8) -> Callable:
     """An intrinsic ``product(tile, index, weights, count, sums)`` of five addresses and numbers.
 
-    Adds, for three channels c and all 32 receivers i of the tile,
+    Adds, for each of ``colours`` (3, or the one whose weight is first) and all 32 receivers i of the tile,
     sums[c][i] += Σ_n weights[n][c] · tile[index[n]][i], n = 0 … count − 1.
-    ``tile`` is uint8 (16 clusters, 32 receivers), ``index`` int32, ``weights`` (count, 3) and ``sums`` (3, 32)
-    of ``element``; all C-contiguous, given as integer addresses; ``count`` at least 1.
+    ``tile`` is (clusters, 32 receivers) of ``source``, uint8 or float32, ``index`` int32, ``weights`` (count, 3)
+    and ``sums`` (colours, 32) of ``element``; all C-contiguous, given as addresses; ``count`` at least 1.
     """
 
     @intrinsic
@@ -34,8 +35,8 @@ def tile_product(element: ir.Type) -> Callable:
 
     def _code(context, builder, signature, arguments):
         tile, index, weights, count, sums = arguments
-        vector = ir.VectorType(element, GROUP)
-        width = 4 if isinstance(element, ir.FloatType) else 8
+        vector, width = ir.VectorType(element, GROUP), _BYTES[str(element)]
+        row_bytes = GROUP * _BYTES.get(str(source), 1)
         b = builder
 
         def at(base, offset, kind):
@@ -46,20 +47,21 @@ def tile_product(element: ir.Type) -> Callable:
             lanes = ir.Constant(ir.VectorType(_I32, GROUP), [0] * GROUP)
             return b.shuffle_vector(one, ir.Constant(vector, ir.Undefined), lanes)
 
-        places = [at(sums, ir.Constant(_I64, c * GROUP * width), vector) for c in range(3)]
+        places = [at(sums, ir.Constant(_I64, c * GROUP * width), vector) for c in range(colours)]
         initial = [b.load(place, align=width) for place in places]
         before, loop, after = b.block, b.append_basic_block("cluster"), b.append_basic_block("done")
         b.branch(loop)
 
         b.position_at_end(loop)
         n = b.phi(_I64)
-        running = [b.phi(vector) for _ in range(3)]
+        running = [b.phi(vector) for _ in range(colours)]
         row = b.zext(b.load(at(index, b.shl(n, ir.Constant(_I64, 2)), _I32), align=4), _I64)
-        row_at = at(tile, b.mul(row, ir.Constant(_I64, GROUP)), ir.VectorType(_I8, GROUP))
-        T = b.uitofp(b.load(row_at, align=1), vector)
+        row_at = at(tile, b.mul(row, ir.Constant(_I64, row_bytes)), ir.VectorType(source, GROUP))
+        T = b.load(row_at, align=1)
+        T = b.uitofp(T, vector) if source == _I8 else b.fpext(T, vector)
         first_weight = b.mul(n, ir.Constant(_I64, 3 * width))
         updated = []
-        for c in range(3):
+        for c in range(colours):
             place = at(weights, b.add(first_weight, ir.Constant(_I64, c * width)), element)
             term = b.fmul(T, spread(b.load(place, align=width)), flags=("contract",))
             updated.append(b.fadd(running[c], term, flags=("contract",)))
@@ -93,3 +95,13 @@ def prefetch(typing_context, address):
         return context.get_dummy_value()
 
     return types.void(types.int64), code
+
+
+@intrinsic
+def count_bits(typing_context, bits):
+    """How many bits of a whole number are set."""
+
+    def code(context, builder, signature, arguments):
+        return builder.ctpop(arguments[0])
+
+    return types.int64(types.int64), code

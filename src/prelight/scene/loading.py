@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 import math
+import os
 import struct
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files import read_regular
+from ..files import Resolver, read_regular
 from ..material import GREY
 from .floor import with_floor
 from .geometry import Scene
 from .mesh import MeshAsRead, UnreadableMesh, scene_from, short_name
 
 LARGEST_FILE = 2_000_000_000
-_NOT_YET = {
-    ".obj": "OBJ",
-    ".gltf": "glTF in separate files",
-    ".xml": "Mitsuba's XML",
-    ".stl": "STL",
-    ".off": "OFF",
-}
+_NOT_READ = {".stl": "STL", ".off": "OFF", ".dae": "COLLADA", ".fbx": "FBX", ".usd": "USD"}
 # What a reader may meet in damaged bytes; anything else is a fault of ours.
 _DAMAGE = (
     ValueError, KeyError, IndexError, struct.error, UnicodeError, RecursionError, MemoryError, OverflowError,
@@ -35,30 +31,45 @@ _DAMAGE = (
 
 
 def load_scene(
-    source: object, *, floor: float | None = None, albedo: tuple[float, float, float] | None = None
+    source: object,
+    *,
+    floor: float | None = None,
+    albedo: tuple[float, float, float] | None = None,
+    subdivide: float | None = None,
+    trust: bool = False,
 ) -> Scene:
-    """The scene in a PLY or GLB file, a trimesh object, ``stock:NAME``, or a `Scene` itself.
+    """The scene in a PLY, GLB, glTF or OBJ file, of a library's objects, ``stock:NAME``, or a `Scene` itself.
 
     Vertices keep the order and count of the file; vertices that no triangle uses stay, with a zero normal. A
-    GLB gives the nodes of its default scene by index, of each its mesh's primitives, transforms applied. What
-    was read otherwise than the file says is in `Scene.notes`.
+    GLB gives the nodes of its default scene by index, of each its mesh's primitives, transforms applied; an
+    OBJ the distinct corners of each material in order of first use. Files that a file names are read from its
+    folder alone. What was read otherwise than the file says is in `Scene.notes`.
 
     Parameters
     ----------
     source
-        Units are metres, +Y is up.
+        Units are metres, +Y is up. Beside files: trimesh objects, Mitsuba's, and its scenes as XML or dict.
     floor
         Put a 193×193 grid under the lowest point, this many times as wide as the largest extent; (0, 1000].
     albedo
         One colour for every vertex and the floor in place of the file's: linear Rec.709, each in [0, 1].
-        Without it: the file's colours, or a grey of 0.8 where a PLY or a trimesh has none.
+        Without it: the file's colours, or a grey of 0.8 where a PLY, an OBJ or a trimesh has none.
+    subdivide
+        Split triangles until no edge is longer than this, in metres; the floor keeps its grid.
+    trust
+        Read Mitsuba's XML and dictionaries too: they name plug-ins and files anywhere, so nothing confines
+        what they read and run.
 
     Raises InputError.
     """
     colour = None if albedo is None else _checked_colour(albedo)
-    scene = _scene(source)
+    scene = _scene(source, trust=trust)
     if colour is not None:
         scene = _of_one_colour(scene, colour)
+    if subdivide is not None:
+        from .subdivision import subdivided
+
+        scene = subdivided(scene, subdivide)
     if floor is None:
         return scene
     return with_floor(scene, floor, albedo=colour or GREY)
@@ -80,7 +91,7 @@ def _checked_colour(albedo: object) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _scene(source: object) -> Scene:
+def _scene(source: object, *, trust: bool) -> Scene:
     if isinstance(source, Scene):
         return source
     if isinstance(source, str) and source.startswith("stock:"):
@@ -88,45 +99,80 @@ def _scene(source: object) -> Scene:
 
         return stock_scene(source.removeprefix("stock:"))
     if isinstance(source, str | PathLike):
-        return _from_file(Path(source))
+        return _from_file(Path(source), trust=trust)
+    if isinstance(source, dict):
+        return _from_mitsuba(source, path="Mitsuba dictionary", name="scene", trust=trust)
     trimesh = sys.modules.get("trimesh")  # nobody can hold one of its objects without having imported it
     if trimesh is not None and isinstance(source, trimesh.Trimesh | trimesh.Scene):
         from .trimesh_objects import read_trimesh
 
-        return _guarded(read_trimesh, source, path="trimesh object", kind="mesh", name="mesh")
+        return _guarded(lambda: scene_from(read_trimesh(source), name="mesh"), "trimesh object", kind="mesh")
+    if type(source).__module__.partition(".")[0] == "mitsuba":
+        return _from_mitsuba(source, path="Mitsuba object", name="scene", trust=True)
     raise InputError(
         "scene",
-        f"a {type(source).__name__} was given, expected a path, a Scene, a trimesh object or 'stock:NAME'",
+        f"a {type(source).__name__} was given, expected a path, a Scene, a trimesh or Mitsuba object or "
+        "'stock:NAME'",
     )
 
 
-def _from_file(path: Path) -> Scene:
+def _from_file(path: Path, *, trust: bool) -> Scene:
     suffix = path.suffix.lower()
-    if suffix in _NOT_YET and path.exists():
-        raise InputError(path, f"{_NOT_YET[suffix]} is not read yet: convert it to PLY or GLB")
+    there = os.path.exists(path)  # a name may be too long for any file: then reading it says so
+    if suffix == ".xml" and there:
+        return _from_mitsuba(path, path=path, name=path.stem, trust=trust)
+    if suffix in _NOT_READ and there:
+        raise InputError(path, f"{_NOT_READ[suffix]} is not read: convert it to PLY or GLB")
     data = read_regular(path, limit=LARGEST_FILE)
+    kind, reader = _reader(path, data)
+    return _guarded(lambda: scene_from(reader(data), name=path.stem), path, kind=kind)
+
+
+def _reader(path: Path, data: bytes) -> tuple[str, Callable[[bytes], MeshAsRead]]:
+    """What reads a file: its first bytes have the word, then its name."""
+    suffix, beside = path.suffix.lower(), Resolver(path.parent)
     if data[:3] == b"ply" and data[3:4] in (b"\n", b"\r", b" "):
         from .ply.reading import read_ply
 
-        return _guarded(read_ply, data, path=path, kind="PLY", name=path.stem)
+        return "PLY", read_ply
     if data[:4] == b"glTF":
         from .gltf.reading import read_glb
 
-        return _guarded(read_glb, data, path=path, kind="GLB", name=path.stem)
-    starts = {".ply": "'ply'", ".glb": "'glTF'"}.get(suffix, "'ply' or 'glTF': give a PLY or GLB file")
-    raise InputError(path, f"begins with {data[:8]!r}, expected {starts}")
+        return "GLB", partial(read_glb, files=beside)
+    if suffix == ".gltf":
+        from .gltf.reading import read_gltf
+
+        return "glTF", partial(read_gltf, files=beside)
+    if suffix == ".obj":
+        from .obj.reading import read_obj
+
+        return "OBJ", partial(read_obj, files=beside)
+    expected = {".ply": "'ply'", ".glb": "'glTF'"}.get(suffix, "a PLY, GLB, glTF or OBJ file")
+    raise InputError(path, f"begins with {data[:8]!r}, expected {expected}")
 
 
-def _guarded(
-    reader: Callable[..., MeshAsRead], source: object, *, path: object, kind: str, name: str
-) -> Scene:
+def _from_mitsuba(source: object, *, path: object, name: str, trust: bool) -> Scene:
+    if not trust:
+        reason = (
+            "a Mitsuba scene names plug-ins and files anywhere: give --trust (trust=True) if you trust it"
+        )
+        raise InputError(path, reason)
+    from .mitsuba_scene.reading import read_mitsuba
+
+    return _guarded(lambda: scene_from(read_mitsuba(source), name=name), path, kind="Mitsuba")
+
+
+def _guarded(read: Callable[[], Scene], path: object, *, kind: str) -> Scene:
     """The one place where whatever a reader stumbles over becomes InputError."""
     try:
         # Numbers from a file may overflow or be no numbers: `scene_from` looks at what comes out.
         with np.errstate(all="ignore"):
-            return scene_from(reader(source), name=name)
+            return read()
     except UnreadableMesh as error:
         raise InputError(path, error.reason, error.where) from None
+    except InputError as error:  # about a file that this one names
+        within = error.reason if error.path == path else f"{short_name(error.path)}: {error.reason}"
+        raise InputError(path, within, error.where) from None
     except MemoryError:
         raise InputError(path, "needs more memory than there is; simplify the mesh") from None
     except _DAMAGE as error:

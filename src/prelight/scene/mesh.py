@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..arrays import Albedo, Float64, Normals, Positions, Texture
+from ..camera import Camera
 from ..errors import printable
 from ..images.textures import sample
 from ..material import GREY, Material
@@ -39,6 +40,7 @@ class MeshAsRead:
     material_of: np.ndarray | None = None  # (F,) integers in range; all zero if not given
     uv: np.ndarray | None = None  # (V, 2) real, v down from a texture's first row
     textures: tuple[Texture, ...] = ()
+    cameras: dict[str, Camera] = field(default_factory=dict)
 
 
 def linear_from_srgb(encoded: np.ndarray) -> Float64[np.ndarray, "..."]:
@@ -77,10 +79,10 @@ def scene_from(mesh: MeshAsRead, *, name: str) -> Scene:
     normals = _normals(mesh.normals, positions, triangles, notes)
     tint = _checked_albedo(mesh.albedo, len(positions), notes)
     scene = Scene(
-        printable(name), positions, normals, triangles, tint, notes=tuple(notes),
+        printable(name), positions, normals, triangles, tint, cameras=mesh.cameras, notes=tuple(notes),
         materials=mesh.materials, material_of=material_of, uv=_checked_uv(mesh.uv), textures=mesh.textures,
     )  # fmt: skip
-    return _textured(scene)
+    return textured(scene)
 
 
 def _checked_uv(given: np.ndarray | None) -> np.ndarray | None:
@@ -91,7 +93,7 @@ def _checked_uv(given: np.ndarray | None) -> np.ndarray | None:
     return np.ascontiguousarray(np.where(np.abs(uv) < 1e9, uv, 0), np.float32)
 
 
-def _textured(scene: Scene) -> Scene:
+def textured(scene: Scene) -> Scene:
     """The albedo of vertices times the texture there, the tint kept beside it."""
     if scene.uv is None or all(m.colour_texture is None for m in scene.materials):
         return scene

@@ -18,19 +18,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ..errors import DamagedBakeError, InputError
 from ..files import read_regular
 from .chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key
+from .environment_layer import environment_problem
 
 FORMAT = "prelight-bake"
 VERSION = 2
 NAME = "manifest.json"
-_LARGEST_MANIFEST = 16_000_000  # about five million clusters
+_LARGEST_MANIFEST = 16_000_000  # about ten thousand parcels of an environment layer
 _LARGEST_PROSE = 1_000_000
 _LARGEST_ARRAY = 1 << 40
 _BYTES_PER_VALUE = 16  # of a manifest of ours there are 25 to each value: denser text only fills memory
 _SCENE = {"positions": "float32", "normals": "float32", "albedo": "float32", "triangles": "int32"}
 _ZARR_GROUP = b'{"attributes": {}, "node_type": "group", "zarr_format": 3}'
-_NUMBERS = {  # what a layer of a kind says of itself, whatever else it says
-    "environment": ("resolution", "tolerance", "epsilon", "samples_per_side", "nonzero_share"),
-}
 
 
 class _Strict(BaseModel):
@@ -163,11 +161,15 @@ class Manifest(_Strict):
 
     def _layer_problem(self) -> str | None:
         for name, layer in self.layers.items():
+            if layer.kind != "environment":
+                continue  # of a later version, say; left alone
             said = layer.parameters | layer.statistics
-            for number in _NUMBERS.get(layer.kind, ()):
-                value = said.get(number)
-                if not isinstance(value, int | float) or not 0 <= value <= _LARGEST_ARRAY:
-                    return f"layer {name!r} does not say its {number}"
+            has_eye = layer.camera is not None
+            problem = environment_problem(
+                name, said, self.arrays, coefficients=layer.coefficients, has_eye=has_eye
+            )
+            if problem:
+                return problem
         return None
 
 

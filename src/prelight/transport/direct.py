@@ -9,6 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange, types
 
+from ..arrays import Directions, Float32, Float64, Int32, Normals, Positions, UInt8
+from ..rays.mitsuba import Occluders
+from .transfer import SampleDirections, Samples
+from .visibility import Visibility
+
 BLOCK = 256  # receivers; the transfer vectors of a node's samples stay in cache
 
 _bits = types.Array(types.uint8, 2, "C", readonly=True)
@@ -134,3 +139,52 @@ def quantized_means(bits, sample, d, D_C, normals, columns, scale):
     """
     for n in prange(len(sample)):
         scale[n] = _node_mean(bits, sample[n], d[n], D_C[n], normals, columns[n])
+
+
+class DiffuseTransfer:
+    """``Transfer`` of Lambertian receivers, a bit each for a light; one channel, without albedo.
+
+    Parameters
+    ----------
+    occluders
+        What casts shadows.
+    positions, normals
+        The receivers in storage order; unit normals, or zero for one that stays dark.
+    """
+
+    channels = 1
+
+    def __init__(self, occluders: Occluders, positions: Positions, normals: Normals) -> None:
+        self.receivers = len(positions)
+        self.row_bytes = -(-self.receivers // 8)
+        self._visibility = Visibility(occluders, origins=positions, normals=normals)
+        self.by_axis = np.ascontiguousarray(normals.T)
+
+    def trace(
+        self, directions: Directions, *, lanes: int
+    ) -> tuple[UInt8[np.ndarray, "lights bytes"], Int32[np.ndarray, "lights"]]:
+        """Visibility as bits; see ``Visibility.trace``."""
+        return self._visibility.trace(directions, lanes=lanes)
+
+    def squared_distances(
+        self, rows: np.ndarray, sample: Samples, d: SampleDirections
+    ) -> Float64[np.ndarray, "nodes samples"]:
+        """See ``Transfer``."""
+        distance = np.empty(sample.shape, np.float64)
+        squared_distances(rows, sample, d, self.by_axis, distance)
+        return distance
+
+    def quantized_means(
+        self, rows: np.ndarray, sample: Samples, d: SampleDirections, D_C: Float32[np.ndarray, "nodes 3"]
+    ) -> tuple[UInt8[np.ndarray, "nodes 1 receivers"], Float32[np.ndarray, "nodes 1"]]:
+        """See ``Transfer``; what arrives unshadowed is exact."""
+        columns = np.empty((len(sample), self.receivers), np.uint8)
+        scale = np.empty(len(sample), np.float32)
+        quantized_means(rows, sample, d, D_C, self.by_axis, columns, scale)
+        return columns[:, None], scale[:, None]
+
+    def values(self, rows: np.ndarray, d: Directions) -> Float32[np.ndarray, "lights 1 receivers"]:
+        """T_l itself."""
+        seen = np.unpackbits(rows, axis=1, count=self.receivers, bitorder="little")
+        cosine = np.maximum(d.astype(np.float32) @ self.by_axis, np.float32(0))
+        return (seen * cosine * np.float32(1 / np.pi))[:, None]

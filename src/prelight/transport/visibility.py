@@ -5,21 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange, types
 
-from ..arrays import Directions, Int32, Normals, Positions, Triangles, UInt8
-from ..rays.mitsuba import triangle_scene
+from ..arrays import Directions, Int32, Normals, Positions, UInt8
+from ..rays.mitsuba import Occluders
+from ..rays.offset import ray_offset
 
 MAX_LANES = 1 << 25  # rays of one launch: indices stay far below 2³², memory below 100 MB
 BYTES_PER_LANE = 2.5  # measured peak of a launch on the processor
-_OFFSET = 1e-4  # of the scene's bounding-box diagonal
-
-
-def ray_offset(positions: Positions) -> float:
-    """How far along its normal a receiver's rays begin, in metres.
-
-    1e-4 of the scene's diagonal, and at least eight steps of float32 at its farthest coordinate.
-    """
-    diagonal = float(np.linalg.norm(np.ptp(positions.astype(np.float64), axis=0)))
-    return _OFFSET * diagonal + 8.0 * float(np.spacing(np.abs(positions).max()))
 
 
 class Visibility:
@@ -27,19 +18,17 @@ class Visibility:
 
     Parameters
     ----------
-    positions, triangles
-        What casts shadows; metres.
+    occluders
+        What casts shadows.
     origins, normals
         The receivers, ``(R, 3)``; a ray is traced where the normal faces the direction.
     """
 
-    def __init__(
-        self, positions: Positions, triangles: Triangles, *, origins: Positions, normals: Normals
-    ) -> None:
-        self._mi, self._scene = triangle_scene(positions, triangles)
+    def __init__(self, occluders: Occluders, *, origins: Positions, normals: Normals) -> None:
+        mi = self._mi = occluders.mi
+        self._scene = occluders.scene
         self.receivers = len(origins)
-        lifted = origins + np.float32(ray_offset(positions)) * normals
-        mi = self._mi
+        lifted = origins + np.float32(ray_offset(occluders.positions)) * normals
         self._origin = mi.Point3f(*(mi.Float(np.ascontiguousarray(x)) for x in lifted.T))
         self._normal = mi.Normal3f(*(mi.Float(np.ascontiguousarray(x)) for x in normals.T))
         self._packed = -(-self.receivers // 8)

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from ...errors import InputError
 from ..geometry import Scene
+from .cornell import cornell
 from .sculpture import sculpture
+from .still_life import still_life
 
 
 class StockScene(NamedTuple):
@@ -25,6 +27,15 @@ STOCK_SCENES: dict[str, StockScene] = {
     "sculpture-small": StockScene(
         partial(sculpture, detail=0.38), "the same in 4,669 receivers, for trials and tests"
     ),
+    "cornell": StockScene(
+        cornell, "a box with red and green walls, open in front, 19,570 receivers; cameras front, close"
+    ),
+    "cornell-small": StockScene(partial(cornell, detail=0.44), "the same in 4,610 receivers"),
+    "still-life": StockScene(
+        still_life,
+        "lacquer, glaze, fruit, metal and linen on a table, 29,090 receivers; cameras front, close",
+    ),
+    "still-life-small": StockScene(partial(still_life, detail=0.38), "the same in 4,676 receivers"),
     "environment": StockScene(sculpture, "the scene that shows environment light: the sculpture"),
 }
 

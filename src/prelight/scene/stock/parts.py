@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...arrays import Float64, Int32
+from ...arrays import Albedo, Float64, Int32, Texture
 from ...camera import Camera
+from ...images.textures import sample
+from ...images.tonemap import srgb_decode
 from ...material import Material
 from ..geometry import Scene
 
@@ -19,27 +21,38 @@ class Part:
     positions: Float64[np.ndarray, "vertices 3"]  # metres
     normals: Float64[np.ndarray, "vertices 3"]  # unit length, outward
     triangles: Int32[np.ndarray, "triangles 3"]  # counter-clockwise seen from outside
+    uv: Float64[np.ndarray, "vertices 2"] | None = None  # v down from a texture's first row
 
     def turned(self, degrees: float) -> Part:
         """Turned about +Y, counter-clockwise seen from above."""
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
         turn = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])  # acts on rows
-        return Part(self.positions @ turn, self.normals @ turn, self.triangles)
+        return replace(self, positions=self.positions @ turn, normals=self.normals @ turn)
+
+    def tipped(self, degrees: float) -> Part:
+        """Turned about +X: what is above comes forward, to +Z."""
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
+        return replace(self, positions=self.positions @ turn, normals=self.normals @ turn)
 
     def scaled(self, factor: float) -> Part:
-        return Part(self.positions * factor, self.normals, self.triangles)
+        return replace(self, positions=self.positions * factor)
 
     def moved(self, offset: tuple[float, float, float]) -> Part:
-        return Part(self.positions + offset, self.normals, self.triangles)
+        return replace(self, positions=self.positions + offset)
 
 
 def together(parts: list[Part]) -> Part:
     """One part of several, in this order."""
     firsts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
+    uv = None
+    if any(part.uv is not None for part in parts):
+        uv = [np.zeros((len(part.positions), 2)) if part.uv is None else part.uv for part in parts]
     return Part(
         np.concatenate([part.positions for part in parts]),
         np.concatenate([part.normals for part in parts]),
         np.concatenate([part.triangles + first for part, first in zip(parts, firsts, strict=True)]),
+        None if uv is None else np.concatenate(uv),
     )
 
 
@@ -48,11 +61,16 @@ def scene_of(
     parts: list[tuple[Part, Material]],
     *,
     cameras: dict[str, Camera],
+    textures: tuple[Texture, ...] = (),
 ) -> Scene:
-    """A scene of parts, each of one material."""
+    """A scene of parts, each of one material; parts that name the same material share it."""
     whole = together([part for part, _ in parts])
-    albedo = [np.broadcast_to(np.float32(of.colour), part.positions.shape) for part, of in parts]
-    material_of = np.repeat(np.arange(len(parts)), [len(part.triangles) for part, _ in parts])
+    materials = list(dict.fromkeys(of for _, of in parts))
+    tint = [np.broadcast_to(np.asarray(of.colour, np.float32), part.positions.shape) for part, of in parts]
+    albedo = [_coloured(part, of, textures) for part, of in parts]
+    material_of = np.repeat(
+        [materials.index(of) for _, of in parts], [len(part.triangles) for part, _ in parts]
+    )
     return Scene(
         name=name,
         positions=whole.positions.astype(np.float32),
@@ -60,9 +78,20 @@ def scene_of(
         triangles=whole.triangles.astype(np.int32),
         albedo=np.concatenate(albedo),
         cameras=cameras,
-        materials=tuple(of for _, of in parts),
+        materials=tuple(materials),
         material_of=material_of.astype(np.int32),
+        uv=None if whole.uv is None else whole.uv.astype(np.float32),
+        tint=np.concatenate(tint) if textures else None,
+        textures=textures,
     )
+
+
+def _coloured(part: Part, material: Material, textures: tuple[Texture, ...]) -> Albedo:
+    """(V, 3) the material's colour, times its texture at each vertex."""
+    albedo = np.tile(np.asarray(material.colour, np.float32), (len(part.positions), 1))
+    if material.colour_texture is not None and part.uv is not None:
+        albedo *= srgb_decode(sample(textures[material.colour_texture], part.uv) / 255)
+    return albedo
 
 
 def split_quads(
@@ -87,8 +116,21 @@ def rectangle(
 ) -> Part:
     """A flat grid of vertices, seen from where ``first_side`` turns counter-clockwise into ``second_side``."""
     rows, columns = cells
-    s = np.linspace(0.0, 1.0, rows + 1)[:, None, None]
-    t = np.linspace(0.0, 1.0, columns + 1)[None, :, None]
+    s, t = np.linspace(0.0, 1.0, rows + 1), np.linspace(0.0, 1.0, columns + 1)
+    return sheet(corner, first_side, second_side, s=s, t=t)
+
+
+def sheet(
+    corner: Float64[np.ndarray, "3"],
+    first_side: Float64[np.ndarray, "3"],
+    second_side: Float64[np.ndarray, "3"],
+    *,
+    s: Float64[np.ndarray, "rows"],
+    t: Float64[np.ndarray, "columns"],
+) -> Part:
+    """As ``rectangle``, with vertices at corner + s·first_side + t·second_side; s and t ascend."""
+    rows, columns = len(s) - 1, len(t) - 1
+    s, t = s[:, None, None], t[None, :, None]
     positions = (corner + s * first_side + t * second_side).reshape(-1, 3)
     i, j = np.divmod(np.arange(rows * columns), columns)
     k = i * (columns + 1) + j

@@ -1,0 +1,104 @@
+"""The rows of an environment layer: which they are, their zones, and the transfer of any of them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Int32, Normals, Positions
+from ..rays.mitsuba import Occluders
+from ..rays.surfaces import SurfaceScene
+from ..scene.geometry import Scene
+from ..transport.direct import DiffuseTransfer
+from ..transport.eye import SeenPoints, seen_points, vertex_points
+from ..transport.transfer import DarkTransfer, Transfer
+from ..transport.viewed import ViewedTransfer
+from .environment_settings import PIXELS, EnvironmentSettings
+from .zones import DARK, DIFFUSE, VIEWED, Zone, divide, sort_of
+
+_NOTHING = -1  # the sort of pixels that show no surface
+
+
+class LayerReceivers:
+    """Receivers of a scene for a bake of these settings.
+
+    Raises
+    ------
+    InputError
+        A camera that the scene does not have.
+    """
+
+    def __init__(self, scene: Scene, settings: EnvironmentSettings) -> None:
+        self.scene, self.settings = scene, settings
+        self.eye = settings.eye_in(scene)
+        self.is_picture = settings.receivers == PIXELS
+        self.count = settings.width * settings.height if self.is_picture else len(scene.positions)
+
+    @cached_property
+    def occluders(self) -> Occluders:
+        """What casts shadows."""
+        return Occluders(self.scene.positions, self.scene.triangles)
+
+    @cached_property
+    def zones(self) -> list[Zone]:
+        """Every row in one of them; the same for the same scene and settings."""
+        positions, normals = self._places
+        sorts = self._sorts
+        parts = divide(positions, normals, sorts, zones=self.settings.zones)
+        return [Zone(part, *self._kind(int(sorts[part[0]]))) for part in parts]
+
+    def _kind(self, sort: int) -> tuple[str, int]:
+        if sort == _NOTHING:
+            return DARK, 3
+        return (VIEWED, 3) if self.is_picture or sort else (DIFFUSE, 1)
+
+    def transfer(self, zone: Zone, rows: Int32[np.ndarray, "some"] | None = None) -> Transfer:
+        """Of a zone, or of some of its rows."""
+        rows = zone.rows if rows is None else rows
+        if zone.kind == DARK:
+            return DarkTransfer(len(rows), zone.channels)
+        if zone.kind == VIEWED:
+            return ViewedTransfer(self.occluders, self._surfaces, self._points, receivers=rows)
+        return DiffuseTransfer(self.occluders, self.scene.positions[rows], self.scene.normals[rows])
+
+    @cached_property
+    def _surfaces(self) -> SurfaceScene:
+        return SurfaceScene(self.scene)
+
+    @cached_property
+    def _points(self) -> SeenPoints:
+        """What the eye sees."""
+        assert self.eye is not None
+        camera, settings = self.eye[1], self.settings
+        if not self.is_picture:
+            return vertex_points(self.scene, camera.eye)
+        return seen_points(
+            self.occluders,
+            camera,
+            width=settings.width,
+            height=settings.height,
+            samples=settings.pixel_samples,
+        )
+
+    @cached_property
+    def _places(self) -> tuple[Positions, Normals]:
+        """Where rows lie and look; a pixel in the mean of its samples."""
+        scene = self.scene
+        if not self.is_picture:
+            return scene.positions, scene.normals
+        normals = self._points.interpolated(scene, scene.normals)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return self._points.interpolated(scene, scene.positions), normals / np.maximum(length, 1e-30)
+
+    @cached_property
+    def _sorts(self) -> Int32[np.ndarray, "rows"]:
+        """What makes rows unlike each other whatever their place: the sort of their material under a fixed eye."""
+        scene = self.scene
+        if self.eye is None:
+            return np.zeros(self.count, np.int32)
+        of_material = np.array([sort_of(material) for material in scene.materials], np.int32)
+        if not self.is_picture:
+            return of_material[scene.material_of_vertex]
+        material = self._points.material(scene)
+        return np.where(material < 0, _NOTHING, of_material[material]).astype(np.int32)

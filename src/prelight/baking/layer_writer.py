@@ -1,0 +1,248 @@
+"""An environment layer on disk: zone after zone, in parcels of whole panels, as clusters are found."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from ..bases.quadtree import LeafCover
+from ..encoding.sparse_tiles import GROUP, PANEL, TILE, encode_panel, panels_of_parcel
+from ..scene.geometry import Scene
+from ..storage.chunks import ArraySpec, ChunkRecord
+from ..storage.journal import BakeWriter
+from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest, SceneRecord
+from .clustering import cluster_lights
+from .environment_plan import EnvironmentPlan
+from .environment_settings import PIXELS, EnvironmentSettings
+from .layer_receivers import LayerReceivers
+from .zones import Zone
+
+LAYER = "layers/environment"
+Report = Callable[[float, float, int], None]  # fraction done, seconds left, clusters so far
+
+
+class LayerWriter:
+    """Turns the clusters of every zone into chunks on disk, and these into a manifest."""
+
+    def __init__(
+        self, receivers: LayerReceivers, plan: EnvironmentPlan, writer: BakeWriter, report: Report | None
+    ) -> None:
+        self.receivers, self.plan, self.writer = receivers, plan, writer
+        self.scene, self.settings = receivers.scene, receivers.settings
+        self.report = report or (lambda *_: None)
+        self.test = self.settings.test_for(receivers.count)
+        self.last_parcel = self.started = time.perf_counter()
+        self.rays_before = self.rays_done = sum(e["rays"] for e in writer.entries)
+        self.clusters = sum(len(e["leaves"]) for e in writer.entries)
+        self.chunks: dict[str, ChunkRecord] = {}
+        self.arrays: dict[str, ArraySpec] = {}
+
+    def run(self) -> Manifest:
+        """Bake what the journal does not have yet."""
+        for z, zone in enumerate(self.receivers.zones):
+            kept = [np.array(e["leaves"], np.int32) for e in self.writer.entries if e["zone"] == z]
+            leaves = np.concatenate(kept) if kept else np.zeros((0, 5), np.int32)
+            cover = LeafCover(leaves, self.settings.resolution)
+            if not cover.is_complete:
+                self._bake_after(z, zone, cover)
+        self.report(1.0, 0.0, self.clusters)
+        return self._manifest()
+
+    def _bake_after(self, z: int, zone: Zone, cover: LeafCover) -> None:
+        """Cluster the lights of a zone after those that earlier parcels cover, and write parcels."""
+        cut, size = self.plan.cuts[z], panels_of_parcel(zone.groups, zone.channels) * PANEL
+        found = cluster_lights(
+            self.receivers.transfer(zone), self.test, covered=cover.leaves, block=cut.block, lanes=cut.lanes
+        )
+        pending: list[tuple] = []
+        rays = 0
+        for group, progress in found:
+            pending.extend(zip(group.leaves, group.columns, group.scale, group.rays, strict=True))
+            self.clusters += len(group.leaves)
+            self.rays_done += progress.rays - rays
+            rays = progress.rays
+            while len(pending) >= size:
+                self._write_parcel(z, pending[:size])
+                del pending[:size]
+            self._tell()
+        if pending:
+            self._write_parcel(z, pending)
+
+    def _tell(self) -> None:
+        planned = max(self.plan.rays, 1)
+        share = (self.rays_done - self.rays_before) / max(planned - self.rays_before, 1)
+        elapsed = time.perf_counter() - self.started
+        left = elapsed * (1 - min(share, 0.99)) / min(share, 0.99) if share > 0 else self.plan.seconds
+        self.report(min(0.99, self.rays_done / planned), left, self.clusters)
+
+    def _write_parcel(self, z: int, clusters: list[tuple]) -> None:
+        """Four chunks, then the journal's line that says they are whole."""
+        leaves, columns, scales, rays = (np.stack(x) for x in zip(*clusters, strict=True))
+        tiles, present = _encoded(columns)
+        q = len(self.writer.entries)
+        written = {}
+        parts = {"tiles": tiles, "present": present, "rectangles": leaves, "scales": scales}
+        for name, values in parts.items():
+            key, record = self.writer.write_chunk(
+                f"{LAYER}/{name}/{q:05d}", (0,) * values.ndim, values, _whole(values)
+            )
+            written[key] = record.model_dump()
+        self.writer.append(
+            {
+                "zone": z,
+                "leaves": leaves.tolist(),
+                "rays": int(rays.sum()),
+                "tiles": len(tiles),
+                "nonzero": int(np.count_nonzero(columns)),
+                "seconds": time.perf_counter() - self.last_parcel,  # not published
+                "chunks": written,
+            }
+        )
+        self.last_parcel = time.perf_counter()
+
+    def _write_whole(self, name: str, values: np.ndarray) -> None:
+        self.arrays[name] = _whole(values)
+        key, record = self.writer.write_chunk(name, (0,) * values.ndim, values, self.arrays[name])
+        self.chunks[key] = record
+
+    def _name_parcels(self) -> None:
+        """Array specifications and chunk records of all that the journal has."""
+        for q, entry in enumerate(self.writer.entries):
+            zone, clusters = self.receivers.zones[entry["zone"]], len(entry["leaves"])
+            panels = -(-clusters // PANEL)
+            for name, shape, dtype in (
+                ("tiles", [entry["tiles"], TILE, GROUP], "uint8"),
+                ("present", [panels, zone.groups * zone.channels], "uint16"),
+                ("rectangles", [clusters, 5], "int32"),
+                ("scales", [clusters, zone.channels], "float32"),
+            ):
+                spec = ArraySpec(shape=shape, dtype=dtype, chunk_shape=shape)
+                self.arrays[f"{LAYER}/{name}/{q:05d}"] = spec
+            self.chunks |= {key: ChunkRecord(**record) for key, record in entry["chunks"].items()}
+
+    def _manifest(self) -> Manifest:
+        scene, zones = self.scene, self.receivers.zones
+        for name in ("positions", "normals", "albedo", "triangles", "material_of", "uv", "tint"):
+            if (values := getattr(scene, name)) is not None:
+                self._write_whole(f"scene/{name}", values)
+        for k, texture in enumerate(scene.textures):
+            self._write_whole(f"scene/textures/{k:05d}", texture)
+        self._write_whole(f"{LAYER}/order", np.concatenate([zone.stored_rows() for zone in zones]))
+        found = np.zeros((len(zones), 2), np.int32)  # clusters, parcels
+        for entry in self.writer.entries:
+            found[entry["zone"]] += (len(entry["leaves"]), 1)
+        shapes = np.array([(zone.groups, zone.channels) for zone in zones], np.int32)
+        self._write_whole(f"{LAYER}/zones", np.concatenate([shapes, found], axis=1))
+        self._name_parcels()
+        return Manifest(
+            format=FORMAT,
+            version=VERSION,
+            settings=identity(self.receivers),
+            scene=_scene_record(scene),
+            layers={"environment": self._layer_record(found[:, 0])},
+            arrays=self.arrays,
+            chunks=self.chunks,
+            software=software(),
+        )
+
+    def _layer_record(self, clusters: np.ndarray) -> LayerRecord:
+        zones, entries, settings = self.receivers.zones, self.writer.entries, self.settings
+        elements = sum(int(c) * z.channels * len(z.rows) for c, z in zip(clusters, zones, strict=True))
+        is_viewed = any(zone.channels == 3 for zone in zones)
+        eye = self.receivers.eye
+        camera = CameraRecord(name=eye[0], view=_plain(eye[1].to_dict())) if eye and is_viewed else None
+        parameters: dict[str, Any] = {
+            "resolution": settings.resolution,
+            "tolerance": self.test.tolerance,
+            "epsilon": self.test.tolerance / self.receivers.count**0.5,
+            "samples_per_side": settings.samples_per_side,
+            "receivers": settings.receivers,
+            "zones": len(zones),
+        }
+        if settings.receivers == PIXELS:
+            parameters |= {
+                "width": settings.width, "height": settings.height, "samples": settings.pixel_samples
+            }  # fmt: skip
+        return LayerRecord(
+            kind="environment",
+            basis_lights=6 * settings.resolution**2,
+            coefficients=int(clusters.sum()),
+            rays=sum(e["rays"] for e in entries),
+            camera=camera,
+            parameters=parameters,
+            statistics={
+                "nonzero_share": sum(e["nonzero"] for e in entries) / elements,
+                "tiles": sum(e["tiles"] for e in entries),
+            },
+        )
+
+
+def _encoded(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tiles of panel after panel, and presence (panels, channels·groups)."""
+    panels = [encode_panel(columns[start : start + PANEL]) for start in range(0, len(columns), PANEL)]
+    tiles = np.concatenate([t for t, _ in panels])
+    if not len(tiles):
+        tiles = np.zeros((1, TILE, GROUP), np.uint8)  # an array has no empty shape
+    return tiles, np.stack([p for _, p in panels])
+
+
+def identity(receivers: LayerReceivers) -> dict[str, int | float | str | None]:
+    """Everything the bytes of the bake depend on."""
+    settings: EnvironmentSettings = receivers.settings
+    eye = receivers.eye
+    picture = (settings.width, settings.height, settings.pixel_samples)
+    is_picture = settings.receivers == PIXELS
+    return {
+        "kind": "environment",
+        "scene": receivers.scene.digest,
+        "receivers": settings.receivers,
+        "rows": receivers.count,
+        "resolution": settings.resolution,
+        "tolerance": settings.tolerance_for(receivers.count),
+        "samples_per_side": settings.samples_per_side,
+        "zones": settings.zones,
+        "camera": json.dumps(eye[1].to_dict(), sort_keys=True) if eye else None,
+        "picture": f"{picture[0]}x{picture[1]}, {picture[2]} samples" if is_picture else None,
+        **software(),
+    }
+
+
+def software() -> dict[str, str]:
+    """Versions of what makes the bytes, and the processor's family."""
+
+    def installed(name: str) -> str:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            return "not installed"
+
+    names = ("prelight", "mitsuba", "drjit", "numba", "numpy")
+    return {name: installed(name) for name in names} | {"machine": platform.machine()}
+
+
+def _scene_record(scene: Scene) -> SceneRecord:
+    return SceneRecord(
+        name=scene.name,
+        digest=scene.digest,
+        cameras=[CameraRecord(name=n, view=_plain(c.to_dict())) for n, c in scene.cameras.items()],
+        notes=list(scene.notes),
+        materials=[_plain(material.to_dict()) for material in scene.materials],
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Tuples as lists, as JSON gives them back."""
+    if isinstance(value, Mapping):
+        return {name: _plain(inner) for name, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def _whole(values: np.ndarray) -> ArraySpec:
+    """An array in one chunk."""
+    return ArraySpec(shape=list(values.shape), dtype=values.dtype.name, chunk_shape=list(values.shape))

@@ -1,0 +1,157 @@
+"""A relit bake against the truth at its own receivers: exact integration, or Mitsuba's path tracer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..arrays import CubeMap, Float64, Int32, Radiance
+from ..baking.environment_settings import PIXELS, EnvironmentSettings
+from ..baking.layer_receivers import LayerReceivers
+from ..camera import Camera
+from ..drawing.figures import Shown, difference_picture, panels
+from ..drawing.picture import Picture
+from ..errors import InputError
+from ..relighting.relighter import Relighter
+from ..scene.baked import scene_of
+from ..storage.manifest import LayerRecord
+from ..transport.exact import integrate
+from ..transport.path_tracing import path_traced_radiance, path_traced_view
+from .comparison import compare
+
+Share = Callable[[float], None]
+_ALLOWED = 0.01  # of the largest reference: what a bake may lose before a value counts as rejected
+
+
+def settings_of(layer: LayerRecord) -> EnvironmentSettings:
+    """What a layer was baked with. Raises InputError where its manifest says something that cannot be."""
+    said: dict[str, Any] = layer.parameters
+    eye = None if layer.camera is None else Camera.from_dict(layer.camera.view)
+    pixels = said.get("receivers") == PIXELS
+    size = (
+        {"width": said["width"], "height": said["height"], "pixel_samples": said["samples"]} if pixels else {}
+    )
+    return EnvironmentSettings(
+        said["resolution"],
+        said["tolerance"],
+        samples_per_side=said["samples_per_side"],
+        receivers=said["receivers"],
+        camera=eye,
+        zones=said["zones"],
+        **size,
+    )
+
+
+class Comparison:
+    """The receivers of a relit layer, or some of them, beside their reference.
+
+    Parameters
+    ----------
+    light
+        The bake, as it is lit now.
+    count, seed
+        How many receivers, chosen at random among those that light can reach; 0 for all.
+    """
+
+    def __init__(self, light: Relighter, *, count: int = 1000, seed: int = 0) -> None:
+        self.light = light
+        record = light.bake.layers[light.layer_name]
+        self.receivers = LayerReceivers(scene_of(light.bake), settings_of(record))
+        if self.receivers.is_picture:
+            possible = np.flatnonzero(self.receivers.points.coverage > 0)
+        else:
+            possible = np.flatnonzero(light.bake.receivers.normals.any(axis=1))
+        if not len(possible):
+            raise InputError(light.bake.path, "no receiver that light can reach: nothing to compare")
+        if 0 < count < len(possible):
+            possible = np.random.default_rng([seed, 11]).choice(possible, count, replace=False)
+        self.rows: Int32[np.ndarray, "chosen"] = np.sort(possible).astype(np.int32)
+        self.reference: Radiance | None = None
+
+    def choose_seen(self, camera: Camera, *, width: int, height: int) -> None:
+        """All receivers that count in a picture: the corners of triangles that the camera sees; all pixels."""
+        if self.receivers.is_picture:
+            self.rows = np.flatnonzero(self.receivers.points.coverage > 0).astype(np.int32)
+            return
+        seen = self.light.view(camera, width=width, height=height).triangles_seen
+        if not len(seen):
+            raise InputError("camera", "sees nothing of the scene; choose another")
+        self.rows = np.unique(self.light.bake.triangles[seen]).astype(np.int32)
+
+    def run(self, *, samples: int | None, seed: int = 0, report: Share | None = None) -> dict[str, Any]:
+        """The figures of ``prelight compare --json``; exact integration where ``samples`` is None."""
+        started = time.perf_counter()
+        cube = self.light.environment.cube(self.light.resolution)
+        if samples is None:
+            reference, variance = self._exact(cube, report), None
+        else:
+            reference, variance = self._traced(cube, samples, seed, report)
+        seconds = time.perf_counter() - started
+        self.reference = reference.astype(np.float32)
+        mine = self.light.radiance[self.rows]
+        tolerance = _ALLOWED * float(reference.max())
+        figures = compare(mine, reference, variance, tolerance=tolerance)
+        return {
+            "receivers": len(self.rows),
+            "reference": "exact" if samples is None else "path tracer",
+            "samples": samples,
+            **figures.to_dict(reference_seconds=seconds),
+        }
+
+    def _parts(self):
+        """Rows of each zone that are wanted, and their places among the wanted."""
+        place = np.full(self.receivers.count, -1)
+        place[self.rows] = np.arange(len(self.rows))
+        for zone in self.receivers.zones:
+            wanted = zone.rows[place[zone.rows] >= 0]
+            if len(wanted):
+                yield zone, wanted, place[wanted]
+
+    def _exact(self, cube: CubeMap, report: Share | None) -> Float64[np.ndarray, "chosen 3"]:
+        out, done = np.zeros((len(self.rows), 3)), 0
+        for zone, rows, places in self._parts():
+
+            def heard(share: float, before: int = done, here: int = len(rows)) -> None:
+                if report is not None:
+                    report((before + share * here) / len(self.rows))
+
+            values = integrate(self.receivers.transfer(zone, rows), cube, report=heard)
+            albedo = self.light.bake.receivers.albedo[rows] if zone.channels == 1 else 1.0
+            out[places] = values * albedo
+            done += len(rows)
+        return out
+
+    def _traced(self, cube: CubeMap, samples: int, seed: int, report: Share | None):
+        scene = self.receivers.scene
+        if self.receivers.eye is None:
+            mean, variance = path_traced_radiance(
+                scene.positions, scene.triangles, scene.normals,
+                receivers=self.rows, cube=cube, samples=samples, seed=seed, report=report,
+            )  # fmt: skip
+            albedo = scene.albedo[self.rows].astype(np.float64)
+            return mean * albedo, variance * albedo**2
+        return path_traced_view(
+            self.receivers.surfaces, self.receivers.points,
+            cube=cube, receivers=self.rows, samples=samples, seed=seed, report=report,
+        )  # fmt: skip
+
+    def picture(self, camera: Camera, *, width: int, height: int, emphasis: float) -> Shown:
+        """Bake, reference and their difference beside each other; after ``choose_seen`` and ``run``."""
+        assert self.reference is not None
+        truth = self.light.radiance.copy()
+        truth[self.rows] = self.reference
+        ours = self.light.picture_of(self.light.radiance, camera, width=width, height=height)
+        theirs = self.light.picture_of(truth, camera, width=width, height=height)
+        stops = theirs.stops("auto")
+        difference = difference_picture(
+            ours.linear, theirs.linear, factor=emphasis, white=2.0**-stops, legend=True
+        )
+        shown = [self._shown(picture, stops) for picture in (ours, theirs)]
+        return panels([*shown, difference], ["baked and relit", "reference", "difference"])
+
+    @staticmethod
+    def _shown(picture: Picture, stops: float) -> Shown:
+        return np.rint(picture.display(exposure=stops) * 255).astype(np.uint8)

@@ -1,0 +1,183 @@
+"""What may stand in a rig file: its tables and keys, and one line for whatever is wrong in it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from ..errors import InputError
+from .layouts import PICTURE_LAYOUTS
+from .regions import LARGEST_RADIUS_DEG, SMALLEST_RADIUS_DEG
+
+_MOST_DISCS, _MOST_PAINTS = 1_000, 100
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Text = Annotated[str, Field(strict=True)]
+Positive = Annotated[Number, Field(ge=0)]
+Share = Annotated[Number, Field(ge=0, le=1)]
+Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_DEG, le=LARGEST_RADIUS_DEG)]
+Azimuth = Annotated[Number, Field(ge=-360, le=360)]
+Elevation = Annotated[Number, Field(ge=-90, le=90)]
+Colour = tuple[Positive, Positive, Positive]
+Direction = tuple[Number, Number, Number]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class MapTable(_Table):
+    """A map of radiance, turned, scaled and tinted."""
+
+    map: Text
+    layout: Text | None = None
+    rotate_deg: Number = 0.0
+    scale: Positive = 1.0
+    tint: Colour = (1.0, 1.0, 1.0)
+
+    @field_validator("map")
+    @classmethod
+    def _can_be_a_name(cls, value: str) -> str:
+        if "\x00" in value:
+            raise ValueError("the map's name has a NUL character")
+        return value
+
+    @field_validator("layout")
+    @classmethod
+    def _is_known(cls, value: str | None) -> str | None:
+        if value is not None and value not in PICTURE_LAYOUTS:
+            raise ValueError(f"layout {value!r} is not known; known are {', '.join(PICTURE_LAYOUTS)}")
+        return value
+
+
+class BlendTable(MapTable):
+    """Another map, of which there is a share."""
+
+    share: Share
+
+
+class EnvironmentTable(MapTable):
+    """The map around the scene."""
+
+    blend: BlendTable | None = None
+
+
+class _PlacedTable(_Table):
+    direction: Direction | None = None
+    azimuth_deg: Azimuth | None = None
+    elevation_deg: Elevation | None = None
+
+    def _check_direction(self) -> None:
+        angles = (self.azimuth_deg is not None, self.elevation_deg is not None)
+        if any(angles) if self.direction is not None else not all(angles):
+            raise ValueError("expected either direction, or both azimuth_deg and elevation_deg")
+        if self.direction is not None and not any(self.direction):
+            raise ValueError("direction [0, 0, 0] points nowhere; expected where the light comes from")
+
+
+class DiscTable(_PlacedTable):
+    """A disc light; ``name`` is for people."""
+
+    name: Text | None = None
+    radius_deg: Radius
+    radiance: Colour
+    softness: Share = 0.0
+
+    @model_validator(mode="after")
+    def _check(self) -> DiscTable:
+        self._check_direction()
+        return self
+
+
+class PaintTable(_PlacedTable):
+    """A round region, or ranges of azimuth and elevation, mixed with a colour."""
+
+    name: Text | None = None
+    radius_deg: Radius | None = None
+    softness: Share | None = None
+    azimuth_range_deg: tuple[Azimuth, Azimuth] | None = None
+    elevation_range_deg: tuple[Elevation, Elevation] | None = None
+    radiance: Colour
+    opacity: Share = 1.0
+
+    @model_validator(mode="after")
+    def _check(self) -> PaintTable:
+        ranges = (self.azimuth_range_deg, self.elevation_range_deg)
+        if ranges == (None, None):
+            self._check_direction()
+            if self.radius_deg is None:
+                raise ValueError("expected radius_deg, or azimuth_range_deg and elevation_range_deg")
+            return self
+        if any(
+            v is not None for v in (self.direction, self.azimuth_deg, self.elevation_deg, self.radius_deg)
+        ):
+            raise ValueError("expected either a direction and radius_deg, or ranges of angles, not both")
+        if self.softness is not None:
+            raise ValueError("softness is of round regions; ranges have hard edges")
+        if not all(limits is None or limits[0] < limits[1] for limits in ranges):
+            raise ValueError("expected ranges as [from, to], the lower number first")
+        return self
+
+
+class RigTables(_Table):
+    """All of a rig file."""
+
+    environment: EnvironmentTable | None = None
+    disc: Annotated[list[DiscTable], Field(max_length=_MOST_DISCS)] = []
+    paint: Annotated[list[PaintTable], Field(max_length=_MOST_PAINTS)] = []
+
+    @model_validator(mode="after")
+    def _has_light(self) -> RigTables:
+        if self.environment is None and not self.disc and not self.paint:
+            raise ValueError("no light: expected a table [environment] with map, or [[disc]] tables")
+        return self
+
+
+_KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
+    (): RigTables,
+    ("environment",): EnvironmentTable,
+    ("environment", "blend"): BlendTable,
+    ("disc",): DiscTable,
+    ("paint",): PaintTable,
+}
+_IN_WORDS = {
+    "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",
+    "too_long": "too many of them",
+    "list_type": "expected tables in double brackets, such as [[disc]]",
+    "model_type": "expected a table",
+    "float_type": "expected a number",
+    "string_type": "expected a text in quotes",
+    "finite_number": "expected a finite number",
+}
+
+
+def checked_tables(document: dict[str, Any], path: object) -> RigTables:
+    """The tables of a rig; raises InputError for the first thing wrong, with its JSON pointer."""
+    try:
+        return RigTables.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+    place = first["loc"]
+    if first["type"] == "missing" and isinstance(place[-1], int):  # a number in brackets
+        place, reason = (
+            place[:-1],
+            "too few numbers, expected three for a colour or direction, two for a range",
+        )
+    else:
+        reason = _reason(first, place)
+    raise InputError(path, reason, "/" + "/".join(str(part) for part in place)) from None
+
+
+def _reason(error: Any, place: tuple[int | str, ...]) -> str:
+    kind = error["type"]
+    if kind == "extra_forbidden":
+        known = _KNOWN[tuple(part for part in place[:-1] if isinstance(part, str))]
+        return f"{str(place[-1])[:60]!r} is not known here; known are {', '.join(known.model_fields)}"
+    if kind == "missing":
+        return f"{place[-1]} is missing"
+    if kind == "value_error":
+        return error["msg"].removeprefix("Value error, ")
+    given = f"{error['input']!r}"[:60] if isinstance(error["input"], str | int | float) else ""
+    reason = _IN_WORDS.get(kind) or error["msg"].lower().replace("input should be", "expected a number")
+    return f"{given}, {reason}" if given else reason

@@ -1,0 +1,81 @@
+"""What the manifest says of an environment layer, checked before anything is read or allocated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .chunks import ArraySpec
+
+MOST_ZONES = 4096 + 16  # by place, and of each sort at least one
+MOST_PARCELS = 10_000
+_MOST_PIXELS = 2048  # a side
+_GROUP, _TILE, _PANEL = 32, 16, 256  # as in encoding.sparse_tiles
+_NUMBERS = ("resolution", "tolerance", "epsilon", "samples_per_side", "nonzero_share")
+_LARGEST = 1 << 40
+
+
+def environment_problem(
+    name: str, said: Mapping[str, Any], arrays: Mapping[str, ArraySpec], *, coefficients: int, has_eye: bool
+) -> str | None:
+    """What is wrong with the arrays of layer ``name``, or with what its record says besides; None if nothing is.
+
+    ``said`` are parameters and statistics. What is in the arrays is checked when they are opened.
+    """
+    for number in _NUMBERS:
+        if not _is_number(said.get(number), _LARGEST):
+            return f"layer {name!r} does not say its {number}"
+    if (rows := _rows(said, arrays)) is None:
+        return f"layer {name!r} does not say what its receivers are"
+    order, zones = (arrays.get(f"layers/{name}/{part}") for part in ("order", "zones"))
+    if zones is None or zones.dtype != "int32" or zones.shape[1:] != [4] or zones.shape[0] > MOST_ZONES:
+        return f"array layers/{name}/zones is not four int32 for each of at most {MOST_ZONES} zones"
+    most = rows + (_GROUP - 1) * zones.shape[0]
+    if order is None or order.dtype != "int32" or len(order.shape) != 1 or not rows <= order.shape[0] <= most:
+        return f"array layers/{name}/order is not one int32 for each of {rows} receivers, in groups of {_GROUP}"
+    if order.shape[0] % _GROUP:
+        return f"array layers/{name}/order is not whole groups of {_GROUP}"
+    return _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
+
+
+def _rows(said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> int | None:
+    if said.get("receivers") == "vertices":
+        return arrays["scene/positions"].shape[0]
+    sides = [said.get(side) for side in ("width", "height")]
+    if said.get("receivers") != "pixels" or not _is_number(said.get("samples"), 64):
+        return None
+    if not all(type(side) is int and 1 <= side <= _MOST_PIXELS for side in sides):
+        return None
+    return sides[0] * sides[1]
+
+
+def _parcel_problem(
+    at: str, arrays: Mapping[str, ArraySpec], *, coefficients: int, has_eye: bool
+) -> str | None:
+    """Four arrays for every parcel, numbered without a gap, of shapes that fit each other."""
+    parcels = sum(array.startswith(f"{at}/rectangles/") for array in arrays)
+    if not 1 <= parcels <= MOST_PARCELS:
+        return f"{at} has {parcels} parcels, expected 1 to {MOST_PARCELS}"
+    clusters = 0
+    for q in range(parcels):
+        parts = ("rectangles", "scales", "present", "tiles")
+        found = [arrays.get(f"{at}/{part}/{q:05d}") for part in parts]
+        if None in found or [spec.dtype for spec in found] != ["int32", "float32", "uint16", "uint8"]:
+            return f"parcel {q} of {at} is not rectangles, scales, present and tiles of their types"
+        rectangles, scales, present, tiles = (spec.shape for spec in found)
+        clusters += rectangles[0]
+        if rectangles[1:] != [5] or scales[:1] != rectangles[:1] or scales[1:] not in ([1], [3]):
+            return f"rectangles and scales of parcel {q} of {at} do not fit"
+        if scales[1] == 3 and not has_eye:
+            return f"{at} has colours without an eye"
+        if len(present) != 2 or present[0] != -(-rectangles[0] // _PANEL) or present[1] % scales[1]:
+            return f"presence of parcel {q} of {at} does not fit"
+        if tiles[1:] != [_TILE, _GROUP] or tiles[0] > max(1, present[0] * present[1] * (_PANEL // _TILE)):
+            return f"tiles of parcel {q} of {at} do not fit"
+    if clusters != coefficients:
+        return f"{at} has {clusters} clusters, its record says {coefficients}"
+    return None
+
+
+def _is_number(value: object, most: float) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= most
