@@ -59,7 +59,9 @@ def test_noise_passes_and_half_a_percent_of_bias_does_not(shared, rng):
     assert figures.detectable_bias < 0.01
     single = truth.copy()
     single[7] += 1
-    assert compare(single, truth + noise, np.full((4000, 3), 0.01)).z_rejected_share == pytest.approx(3 / 12000)
+    assert compare(single, truth + noise, np.full((4000, 3), 0.01)).z_rejected_share == pytest.approx(
+        3 / 12000
+    )
 
 
 @pytest.mark.parametrize(

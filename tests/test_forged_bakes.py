@@ -73,6 +73,13 @@ def moved_edge(rectangles: np.ndarray) -> np.ndarray:
     raise AssertionError("no two leaves side by side")
 
 
+def more_present(present: np.ndarray) -> np.ndarray:
+    """One tile more than there are, in the group that has the fewest."""
+    fewest = np.unravel_index(np.bitwise_count(present).argmin(), present.shape)
+    assert present[fewest] < 0xFFFF
+    return changed(present, fewest, 0xFFFF)
+
+
 FORGERIES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "order beyond": (f"{LAYER}/order", lambda v: changed(v, 3, v.max() + 1)),
     "order with a hole": (f"{LAYER}/order", lambda v: changed(v, 3, -1)),
@@ -85,7 +92,7 @@ FORGERIES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "order long": (f"{LAYER}/order", lambda v: np.append(v, v[:1])),
     "order a group short": (f"{LAYER}/order", lambda v: v[:-32]),
     "order a group long": (f"{LAYER}/order", lambda v: np.append(v, np.full(32, -1, np.int32))),
-    "zones none": (f"{LAYER}/zones", lambda v: np.zeros_like(v)),
+    "zones none": (f"{LAYER}/zones", np.zeros_like),
     "zones negative": (f"{LAYER}/zones", lambda v: -v),
     "zones one less": (f"{LAYER}/zones", lambda v: v[:1]),
     "zones one more": (f"{LAYER}/zones", lambda v: np.concatenate([v, v[:1]])),
@@ -108,7 +115,7 @@ FORGERIES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "order as a column": (f"{LAYER}/order", lambda v: v[:, None]),
     "order wider": (f"{LAYER}/order", lambda v: v.astype(np.int64)),
     "order as numbers": (f"{LAYER}/order", lambda v: v.astype(np.float32)),
-    "present more tiles": (f"{LAYER}/present/00000", lambda v: changed(v, (0, np.bitwise_count(v[0]).argmin()), 0xFFFF)),
+    "present more tiles": (f"{LAYER}/present/00000", more_present),
     "present everything": (f"{LAYER}/present/00000", lambda v: np.full_like(v, 0xFFFF)),
     "present fewer": (f"{LAYER}/present/00000", lambda v: changed(v, (0, 0), 0)),
     "present without a group": (f"{LAYER}/present/00000", lambda v: v[:, :-1]),

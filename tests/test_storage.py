@@ -24,7 +24,8 @@ from prelight.baking.environment_plan import Cut, plan_environment
 from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.bases.cube_map import solid_angles
 from prelight.errors import DamagedBakeError, InputError, OutputError
-from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
+from prelight.relighting.environment import EnvironmentRelighter
+from prelight.relighting.layer import EnvironmentLayer
 from prelight.storage.bake import Bake
 from prelight.storage.chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key, encode, open_chunk
 from prelight.storage.manifest import FORMAT, NAME, VERSION, LayerRecord, Manifest, SceneRecord
@@ -268,7 +269,7 @@ def test_summary_has_the_names_that_programs_depend_on(bake):
     assert summary["triangles"] == len(scene.triangles)
     assert layer["kind"] == "environment"
     assert layer["basis_lights"] == 6 * RESOLUTION**2
-    assert layer["coefficients"] == len(EnvironmentLayer(bake).scales)
+    assert layer["coefficients"] == len(EnvironmentLayer(bake).rectangles)
     on_disk = sum(
         p.stat().st_size for p in (bake.path / "layers").rglob("*") if p.is_file() and p.name != "zarr.json"
     )
@@ -316,7 +317,7 @@ def test_a_layer_of_another_kind_is_left_alone(bake, tmp_path):
     rewrite_manifest(folder, lambda m: m["layers"].update(cloud=strange.model_dump()))
     later = Bake.open(folder)
     assert {layer["kind"] for layer in later.summary()["layers"]} == {"cloud", "environment"}
-    assert len(EnvironmentLayer(later).scales) == later.layers["environment"].coefficients
+    assert len(EnvironmentLayer(later).rectangles) == later.layers["environment"].coefficients
 
 
 def test_records_refuse_nonsense():

@@ -94,7 +94,9 @@ def test_colour_and_vertex_colours_multiply_the_texture(pattern, centres):
 
 def test_vertex_colours_without_a_texture_and_for_a_bsdf():
     corners = np.float32([[0.1, 0.2, 0.3], [0.9, 0.2, 0.3], [0.1, 0.8, 0.3], [0.9, 0.8, 0.3]])
-    named = Material(bsdf={"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_Col"}})
+    named = Material(
+        bsdf={"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_Col"}}
+    )
     for material in (Material(colour=(1, 1, 1)), named):
         scene = square(material, tint=corners)
         np.testing.assert_allclose(
@@ -136,7 +138,9 @@ def test_what_mirrors_is_told_and_what_is_not_seen_from_behind():
     surfaces = SurfaceScene(scene)
     np.testing.assert_array_equal(surfaces.delta, [False, False, True, True, False])
     np.testing.assert_array_equal(surfaces.lambertian, [True, False, False, False, False])
-    points = SeenPoints(EYE, np.arange(8, dtype=np.int32)[:, None], np.full((8, 1, 2), 0.3, np.float32), False)
+    points = SeenPoints(
+        EYE, np.arange(8, dtype=np.int32)[:, None], np.full((8, 1, 2), 0.3, np.float32), False
+    )
     assert points.share_on(scene, surfaces.delta) == 2 / 8
     above, below = (dataclasses.replace(points, eye=(0.0, side * 3.0, 0.0)) for side in (1, -1))
     assert (radiance(scene, above)[[0, 1, 4]] > 0).all()

@@ -88,7 +88,7 @@ def test_white_diffuse_is_the_diffuse_transfer(white_ball, rng):
         (Material(colour=(0.6, 0.6, 0.6)), 0.5995, 0.6005),
         (ROUGH_GOLD, 0.9, 1.001),
         (Material(bsdf={"type": "roughplastic", "alpha": 0.2, "diffuse_reflectance": 1.0}), 0.9, 1.001),
-        (Material(colour=(1, 1, 1), roughness=0.5, metallic=1.0), 0.9, 1.001),
+        (Material(colour=(1, 1, 1), roughness=0.5, metallic=1.0), 0.8, 1.001),
         (Material(colour=(0, 0, 0), roughness=0.4, specular=1.0), 0.03, 0.3),
     ],
     ids=["diffuse", "conductor", "plastic", "metal", "black lacquer"],
@@ -106,21 +106,27 @@ def test_the_white_furnace_gives_nothing_for_nothing(material, least, most):
 
 def test_a_highlight_is_where_the_eye_is_mirrored():
     d, _ = all_texels(64)
-    for material in (Material(bsdf={"type": "roughconductor", "alpha": 0.02}), Material(roughness=0.15, metallic=1)):
+    for material in (
+        Material(bsdf={"type": "roughconductor", "alpha": 0.02}),
+        Material(roughness=0.15, metallic=1),
+    ):
         scene = made_of(scene_of(grid(3)), material)
         rows, _ = viewed(scene, vertex_points(scene, (1.0, 2.0, 0.5)), np.int32([4])).trace(d)
         mirrored = np.float32([-1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, 0.5])
         assert d[rows[:, 0, 0].argmax()] @ mirrored > math.cos(0.03)
 
 
-@pytest.mark.parametrize("material", [ROUGH_GOLD, LACQUER, Material(colour=(0.9, 0.6, 0.3), roughness=0.4, metallic=1)])
+@pytest.mark.parametrize(
+    "material", [ROUGH_GOLD, LACQUER, Material(colour=(0.9, 0.6, 0.3), roughness=0.4, metallic=1)]
+)
 def test_light_and_eye_may_change_places(material, rng):
     scene = made_of(scene_of(grid(3)), material)
     centre = scene.positions[4]
     a, b = np.float32([0.3, 0.8, -0.2]), np.float32([-0.5, 0.4, 0.6])
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     there, back = (
-        viewed(scene, vertex_points(scene, tuple(centre + 3 * eye)), np.int32([4])).trace(d[None])[0][0, :, 0] / d[1]
+        viewed(scene, vertex_points(scene, tuple(centre + 3 * eye)), np.int32([4])).trace(d[None])[0][0, :, 0]
+        / d[1]
         for eye, d in ((a, b), (b, a))
     )
     assert (there > 0).all()
@@ -128,7 +134,9 @@ def test_light_and_eye_may_change_places(material, rng):
 
 
 def test_light_passes_a_sheet_that_transmits_and_nothing_else():
-    thin = Material(bsdf={"type": "principledthin", "diff_trans": 1.0, "base_color": {"type": "rgb", "value": 0.5}})
+    thin = Material(
+        bsdf={"type": "principledthin", "diff_trans": 1.0, "base_color": {"type": "rgb", "value": 0.5}}
+    )
     sheet, roof = grid(3), grid(3, size=6.0, height=-1.0)
     below = np.float32([[0, -1, 0]])
     for parts, lit in (((sheet,), True), ((sheet, roof), False)):
@@ -151,11 +159,13 @@ def test_pixels_see_what_pictures_of_meshes_show():
     size = {"width": 33, "height": 20}
     points = seen_points(Occluders(scene.positions, scene.triangles), camera, samples=9, **size)
     drawn = View(scene.positions, scene.triangles, camera=camera, samples_per_side=3, **size)
-    assert 0.3 < points.coverage.mean() < 0.9
+    assert 0.1 < points.coverage.mean() < 0.9
     np.testing.assert_allclose(points.coverage.reshape(20, 33), drawn.coverage, atol=1 / 9 + 1e-6)
     assert abs(points.coverage.mean() - drawn.coverage.mean()) < 1e-3
     whole = points.coverage == 1
-    x, y, back = camera.axes().astype(np.float64) @ (points.interpolated(scene, scene.positions) - camera.eye).T
+    x, y, back = (
+        camera.axes().astype(np.float64) @ (points.interpolated(scene, scene.positions) - camera.eye).T
+    )
     focal = 20 / (2 * math.tan(math.radians(camera.vertical_fov_deg) / 2))
     pixel = np.arange(20 * 33)
     assert np.abs(33 / 2 - focal * x / back - (pixel % 33 + 0.5))[whole].max() < 1
@@ -251,7 +261,9 @@ def gentle_sky(R: int) -> np.ndarray:
     """Bright above and to one side, coloured; smooth, so that texels are as good as areas."""
     d, _ = all_texels(R)
     glow = np.exp(4 * (d @ np.float32([0.6, 0.64, 0.48]) - 1))
-    sky = np.stack([0.3 + 3.0 * glow, 0.4 + 2.5 * glow + 0.2 * d[:, 1], 0.6 + 1.5 * glow + 0.3 * d[:, 1]], axis=1)
+    sky = np.stack(
+        [0.3 + 3.0 * glow, 0.4 + 2.5 * glow + 0.2 * d[:, 1], 0.6 + 1.5 * glow + 0.3 * d[:, 1]], axis=1
+    )
     return sky.reshape(6, R, R, 3).astype(np.float32)
 
 
@@ -282,11 +294,16 @@ def test_maps_share_their_rays_and_dark_lights_cost_none(white_ball):
 
 @pytest.fixture(scope="module")
 def glossy() -> Scene:
-    """A lacquered ball on a floor with a sheen, textured in half of its triangles."""
+    """A ball of brushed gold on a floor with a sheen, textured in half of its triangles."""
     ball, floor = sphere(28), grid(12, size=3.0)
     scene = scene_of(ball, floor)
     texture = np.random.default_rng(5).integers(60, 255, (8, 8, 3), dtype=np.uint8)
-    materials = LACQUER, Material(colour=(0.8, 0.8, 0.8), colour_texture=0, roughness=0.6, specular=1.0), Material()
+    gold = Material(colour=(0.9, 0.6, 0.3), roughness=0.5, metallic=1.0)
+    materials = (
+        gold,
+        Material(colour=(0.8, 0.8, 0.8), colour_texture=0, roughness=0.6, specular=1.0),
+        Material(),
+    )
     of = np.concatenate([np.zeros(len(ball[1])), 1 + (np.arange(len(floor[1])) % 2)]).astype(np.int32)
     uv = np.ascontiguousarray(scene.positions[:, [0, 2]])
     scene = dataclasses.replace(scene, uv=uv, textures=(texture,))
@@ -315,7 +332,7 @@ def test_pixels_agree_with_the_path_tracer(glossy, by_paths):
     assert figures.z_rejected_share <= 0.0025
     assert figures.is_unbiased, figures
     assert figures.noise < 0.02
-    assert figures.detectable_bias < 0.005
+    assert figures.detectable_bias < 0.0075
     assert fails(against(by_paths, radiance * 1.01)), "one percent goes unnoticed"
 
 
@@ -348,8 +365,11 @@ def test_seeded_faults_are_caught(glossy, by_paths, fault, monkeypatch):
         monkeypatch.setattr(
             mi.BSDFPtr, "eval", lambda self, ctx, si, wo, active: plain(self, ctx, si, wo, active) / abs(wo.z)
         )
-    elif fault == "frame":
-        monkeypatch.setattr(mi.SurfaceInteraction3f, "to_local", lambda si, d: mi.Frame3f(si.n).to_local(d))
+    elif fault == "frame":  # of the light alone: it turns about the normal
+        transfer = viewed(scene, points)
+        monkeypatch.setattr(
+            mi.SurfaceInteraction3f, "to_local", lambda si, d: mi.Frame3f(si.sh_frame.n).to_local(d)
+        )
     elif fault == "texture":
         raw = Material(
             bsdf={
@@ -367,6 +387,6 @@ def test_seeded_faults_are_caught(glossy, by_paths, fault, monkeypatch):
     else:
         points = dataclasses.replace(points, triangle=points.triangle.copy())
         points.triangle[::2, 3] = -1  # one sample of four lost in every second pixel
-    if fault != "shadow":
+    if fault not in ("shadow", "frame"):
         transfer = viewed(scene, points)
     assert fails(against(by_paths, integrate(transfer, gentle_sky(32))))

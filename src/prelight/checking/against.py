@@ -154,4 +154,4 @@ class Comparison:
 
     @staticmethod
     def _shown(picture: Picture, stops: float) -> Shown:
-        return np.rint(picture.display(exposure=stops) * 255).astype(np.uint8)
+        return picture.display(exposure=stops)

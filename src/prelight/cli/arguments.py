@@ -11,6 +11,9 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from cyclopts import Token
 
+    from ..camera import Camera
+    from ..relighting.relighter import Relighter
+
 _LARGEST_PICTURE = 64 << 20  # pixels: drawn in 3.5 GB
 _UNITS = {"": 1, "B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12,
           "K": 10**3, "M": 10**6, "G": 10**9, "KIB": 2**10, "MIB": 2**20, "GIB": 2**30}  # fmt: skip
@@ -69,3 +72,12 @@ def exposure(text: str) -> tuple[bool, float]:
             "--exposure", f"{text!r}, expected auto, auto+0.5, auto-1 or a number of stops such as -1.5"
         )
     return match[1] is not None, float(match[2] or 0)
+
+
+def camera_of(light: Relighter, text: str | None) -> Camera:
+    """A camera of the bake by name, one in a JSON file, or the bake's first."""
+    from ..camera import Camera
+
+    if text is not None and text.endswith(".json"):
+        return Camera.open(text)
+    return light.camera(text)

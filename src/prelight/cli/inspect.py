@@ -1,58 +1,144 @@
-"""``prelight inspect``: what is in a bake, what it cost, what it loses."""
+"""``prelight inspect``: what is in a bake, what it cost, what it loses; and pictures of its clusters."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from . import printing
+from ..errors import InputError
+from . import arguments, printing
 
 
-def inspect(bake: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+def inspect(
+    bake: Path,
+    /,
+    *,
+    clusters: Path | None = None,
+    zone: Annotated[int, Parameter(converter=arguments.whole_number)] = 0,
+    over: str | None = None,
+    light: str | None = None,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    camera: str | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
     """Say what is in a bake, what it cost and what it loses.
 
     Parameters
     ----------
     bake
         NAME.prelight.
+    clusters
+        Draw the clusters of lights on the unfolded cube into this .png.
+    zone
+        Whose clusters, where the bake has several zones; from 0.
+    over
+        An environment, rig or stock:NAME to draw the clusters over.
+    light
+        A direction, azimuth,elevation in degrees (0,90 is straight above; azimuth from −Z towards +X): draw the
+        scene under that one environment light beside what its cluster keeps of it, into --output.
+    output
+        The .png of --light.
+    camera
+        For --light: the name of a camera in the bake, or a JSON file.
+    force
+        Replace the pictures.
     json
         Print one JSON object on standard output.
     """
+    from ..files import refuse_existing
     from ..storage.bake import Bake
 
+    if (light is None) != (output is None):
+        raise InputError("--light", "give both --light AZIMUTH,ELEVATION and --output PICTURE.png")
+    for picture in (clusters, output):
+        if picture is not None:
+            if picture.suffix.lower() != ".png":
+                raise InputError(picture, "expected a name ending in .png")
+            refuse_existing(picture, force=force)
     summary = Bake.open(bake).summary()
+    summary["pictures"] = [str(picture) for picture in (clusters, output) if picture is not None]
+    if clusters is not None:
+        _draw_clusters(bake, clusters, zone=zone, over=over, force=force)
+    if light is not None and output is not None:
+        _draw_light(bake, output, towards=light, camera=camera, force=force)
     if json:
         printing.say_json(summary)
-        return
+    else:
+        printing.table(_rows(summary))
+
+
+def _draw_clusters(bake: Path, path: Path, *, zone: int, over: str | None, force: bool) -> None:
+    with printing.waiting("drawing the clusters"):
+        from ..drawing.figures import save_figure
+        from ..drawing.unfolded import unfolded_clusters
+        from ..lighting.rig import Rig
+        from ..relighting.relighter import Relighter
+
+        light = Relighter(bake)
+        if not 0 <= zone < light.zones:
+            raise InputError("--zone", f"{zone}, expected 0 to {light.zones - 1}")
+        cube = None if over is None else Rig.open(over).environment.cube(light.resolution)
+        save_figure(unfolded_clusters(light.clusters(zone), light.resolution, cube=cube), path, force=force)
+
+
+def _draw_light(bake: Path, path: Path, *, towards: str, camera: str | None, force: bool) -> None:
+    parts = towards.split(",")
+    try:
+        azimuth, elevation = (float(part) for part in parts)
+    except ValueError:
+        raise InputError("--light", f"{towards!r}, expected AZIMUTH,ELEVATION such as 30,45") from None
+    with printing.waiting("drawing the light and its cluster"):
+        from ..drawing.figures import save_figure
+        from ..relighting.light_figure import light_figure
+        from ..relighting.relighter import Relighter
+
+        light = Relighter(bake)
+        figure = light_figure(light, azimuth, elevation, camera=arguments.camera_of(light, camera))
+        save_figure(figure, path, force=force)
+
+
+def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("bake", f"{summary['path']}, {printing.size(summary['bytes'])}"),
         (
             "scene",
-            f"{summary['scene']}: {summary['receivers']:,} receivers, {summary['triangles']:,} triangles",
+            f"{summary['scene']}: {summary['receivers']:,} vertices, {summary['triangles']:,} triangles",
         ),
         ("cameras", ", ".join(summary["cameras"]) or "none; pictures frame the whole scene"),
         *(("note", note) for note in summary["notes"]),
     ]
     for layer in summary["layers"]:
-        settings, seconds = layer["parameters"], layer["seconds"]
-        lights = (
-            f"{layer['basis_lights']:,} (6×{settings['resolution']}²) in {layer['coefficients']:,} clusters"
-        )
-        threshold = f"{settings['tolerance']:.4g} (epsilon {settings['epsilon']:.4g}), "
-        samples = f"{settings['samples_per_side']}² samples a cluster"
-        nonzero = f"{layer['statistics']['nonzero_share']:.0%} of the elements are not zero"
-        took = f", {printing.duration(seconds)}" if seconds is not None else ""
-        rows += [
-            ("layer", f"{layer['name']} ({layer['kind']})"),
-            ("  lights", lights),
-            ("  tolerance", threshold + samples),
-            ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
-            ("  cost", f"{layer['rays'] / 1e9:.3g} G rays{took}"),
-            ("  loses", "bounced light, gloss and textures; within the tolerance, the edges of shadows"),
-        ]
-    rows.append(
-        ("made with", ", ".join(f"{name} {version}" for name, version in summary["software"].items()))
-    )
-    printing.table(rows)
+        rows += _rows_of_layer(layer)
+    rows += [("picture", picture) for picture in summary["pictures"]]
+    software = ", ".join(f"{name} {version}" for name, version in summary["software"].items())
+    return [*rows, ("made with", software)]
+
+
+def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
+    settings, seconds = layer["parameters"], layer["seconds"]
+    lights = f"{layer['basis_lights']:,} (6×{settings['resolution']}²) in {layer['coefficients']:,} clusters"
+    threshold = f"{settings['tolerance']:.4g} (epsilon {settings['epsilon']:.4g}), "
+    samples = f"{settings['samples_per_side']}² samples a cluster"
+    nonzero = f"{layer['statistics']['nonzero_share']:.0%} of the elements are not zero"
+    took = f", {printing.duration(seconds)}" if seconds is not None else ""
+    what = "diffuse vertices, seen from anywhere"
+    loses = "bounced light and gloss; within the tolerance, the edges of shadows"
+    if layer["camera"] is not None:
+        what = f"vertices, gloss as seen from camera {layer['camera']!r}"
+        loses = "bounced light, mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
+        if settings["receivers"] == "pixels":
+            size = f"{settings['width']}×{settings['height']} pixels of camera {layer['camera']!r}"
+            what = f"{size}, {settings['samples']} samples each"
+    zones = f", {settings['zones']} zones" if settings["zones"] > 1 else ""
+    return [
+        ("layer", f"{layer['name']} ({layer['kind']})"),
+        ("  receivers", what + zones),
+        ("  lights", lights),
+        ("  tolerance", threshold + samples),
+        ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
+        ("  cost", f"{layer['rays'] / 1e9:.3g} G rays{took}"),
+        ("  loses", loses),
+    ]

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
-
-if TYPE_CHECKING:
-    from ..relighting.relighter import Relighter
 
 
 def relight(
@@ -86,7 +83,7 @@ def relight(
         from ..relighting.relighter import Relighter
 
         light = Relighter(bake)
-        eye = _camera(light, camera)
+        eye = arguments.camera_of(light, camera)
         environment = Rig.open(rig, layout=layout).environment
         environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
         started = time.perf_counter()
@@ -131,11 +128,3 @@ def _background(text: str) -> str | tuple[float, float, float] | None:
             "--background", f"{text!r}, expected environment, none or a linear colour such as 0.1,0.1,0.12"
         )
     return arguments.colour("--background", text)
-
-
-def _camera(light: Relighter, camera: str | None):
-    from ..camera import Camera
-
-    if camera is not None and camera.endswith(".json"):
-        return Camera.open(camera)
-    return light.camera(camera)

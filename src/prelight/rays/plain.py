@@ -6,8 +6,9 @@ import numpy as np
 
 from ..arrays import Directions, Float64, Int32, Normals, Positions, Triangles, UInt8
 from ..errors import InputError
+from .box_tree_kernels import build
 from .offset import ray_offset
-from .plain_kernels import build, morton_codes, trace_rays, trace_receivers
+from .packet_kernels import morton_codes, trace_rays, trace_receivers
 
 _PADDING = np.float32(1e-6)  # of boxes: more than float32 rounds away of points within [−2, 2]
 _NEAR = 2.0  # rays that begin farther out are first brought to the scene, in double precision
@@ -28,7 +29,7 @@ class PlainOccluders:
 
     References
     ----------
-    `plain_kernels` names them.
+    In `box_tree_kernels` and `packet_kernels`.
     """
 
     def __init__(self, positions: Positions, triangles: Triangles) -> None:

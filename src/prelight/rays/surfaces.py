@@ -110,9 +110,10 @@ class SurfaceScene:
         hit.shape = dr.gather(mi.ShapePtr, shapes, lane, active)
         hit.prim_index = mi.UInt32(place.astype(np.uint32))
         hit.prim_uv = mi.Point2f(*(mi.Float(np.ascontiguousarray(w, np.float32)) for w in weights.T))
-        look = mi.Ray3f(mi.Point3f(*eye), mi.Vector3f(0, 0, 1))  # only ``wi`` would hang on its direction
+        stand = mi.Point3f(*(dr.opaque(mi.Float, float(x)) for x in eye))
+        look = mi.Ray3f(stand, mi.Vector3f(0, 0, 1))  # only ``wi`` would hang on its direction
         si = hit.compute_surface_interaction(look, mi.RayFlags.All, active)
-        si.wi = si.to_local(dr.normalize(mi.Point3f(*eye) - si.p))
+        si.wi = si.to_local(dr.normalize(stand - si.p))
         bsdfs = dr.gather(mi.BSDFPtr, mi.BSDFPtr(self.bsdfs), lane, active)
         dr.eval(si, bsdfs)
         return si, bsdfs

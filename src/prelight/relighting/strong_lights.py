@@ -22,6 +22,7 @@ from .strong_light_kernels import cell_energies
 SHARE = 0.002  # of all light of some channel, from which a cell is strong
 MOST = 64  # cells
 _GRID = 256  # cells along a face's side: 0.35° each in its middle
+_TIMES_MEAN = 10  # a cell's radiance over the mean
 _SHARE_OF_DISC, _LARGEST_DISC_DEG = 0.01, 2.0
 
 
@@ -37,19 +38,22 @@ class StrongLights:
         return len(self.rectangles)
 
 
-def strongest(cube: CubeMap, *, share: float = SHARE, most: int = MOST) -> StrongLights:
+def strongest(
+    cube: CubeMap, *, total: Float64[np.ndarray, "3"], share: float = SHARE, most: int = MOST
+) -> StrongLights:
     """The cells of a cube map (6, R, R, 3) that carry more than ``share`` of some channel's light each.
 
-    At most ``most``, the strongest; while there is room they are cut in four, down to single texels, so
-    that a small sun in a fine map keeps its penumbra.
+    In coarse maps, whose cells are large, more than ten times their part of the sphere. ``total`` is the light
+    of everything, ∫ L dω by channel. At most ``most``, the strongest; while there is room they are cut in
+    four, down to single texels, so that a small sun in a fine map keeps its penumbra.
     """
     R = cube.shape[1]
     side = -(-R // _GRID)
     G = -(-R // side)
+    share = max(share, _TIMES_MEAN / (6 * G * G))
     energy = np.empty((6, G, G, 3))
     cell_energies(cube, solid_angles(R), side, energy)
-    total = energy.sum(axis=(0, 1, 2))
-    red, green, blue = (energy[..., c] > share * total[c] for c in range(3))
+    red, green, blue = ((energy[..., c] > share * total[c]) & (total[c] > 0) for c in range(3))
     cells = np.argwhere(red | green | blue)
     if len(cells) > most:
         weight = (energy[tuple(cells.T)] / np.where(total > 0, total, np.inf)).max(axis=-1)

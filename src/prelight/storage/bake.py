@@ -180,6 +180,7 @@ class Bake:
                 "name": name,
                 "basis_lights": layer.basis_lights,
                 "coefficients": layer.coefficients,
+                "camera": None if layer.camera is None else layer.camera.name,
                 "bytes": manifest.bytes_of(f"layers/{name}/"),
                 "seconds": self.seconds,
                 "rays": layer.rays,

@@ -98,7 +98,9 @@ def _looks_at_vertices(surfaces: SurfaceScene, triangle: np.ndarray, weights: np
     return origin, -toward, there
 
 
-def _paths(scene: Any, rays: tuple, *, samples: int, seed: int, report: Report | None) -> Iterator[np.ndarray]:
+def _paths(
+    scene: Any, rays: tuple, *, samples: int, seed: int, report: Report | None
+) -> Iterator[np.ndarray]:
     """Radiance (3, rays, samples) of some rays after the other; 0 where a ray is not ``there``."""
     mi = mitsuba()
     import drjit as dr
@@ -117,7 +119,9 @@ def _paths(scene: Any, rays: tuple, *, samples: int, seed: int, report: Report |
         )
         active = dr.gather(mi.Bool, mi.Bool(np.ascontiguousarray(there[part])), lane)
         sampler.seed(seed * 1_000_003 + start, count * samples)
-        ray = mi.RayDifferential3f(dr.gather(mi.Point3f, o, lane), mi.Vector3f(dr.gather(mi.Point3f, d, lane)))
+        ray = mi.RayDifferential3f(
+            dr.gather(mi.Point3f, o, lane), mi.Vector3f(dr.gather(mi.Point3f, d, lane))
+        )
         radiance, _, _ = integrator.sample(scene, sampler, ray, active=active)
         radiance = dr.select(active, radiance, 0)
         yield np.array(radiance).reshape(3, count, samples)

@@ -106,13 +106,11 @@ class ViewedTransfer:
         asked = answers & ((f.x > 0) | (f.y > 0) | (f.z > 0))
         lift = dr.mulsign(dr.gather(mi.Vector3f, self._lift, i), wo.z)
         blocked = self._scene.ray_test(mi.Ray3f(si.p + lift, d_j), active=asked)
-        T = dr.select(asked & ~blocked, f, 0)
+        T = dr.select(asked & ~blocked, f * dr.opaque(mi.Float, 1 / self.samples), 0)
         traced = dr.select(asked, mi.UInt32(1), mi.UInt32(0))
         dr.eval(T, traced)
         rays = dr.block_sum(traced, points, mode="evaluated")
-        if self.samples > 1:
-            scale = dr.opaque(mi.Float, 1 / self.samples)
-            T = [dr.block_sum(c, self.samples, mode="evaluated") * scale for c in T]
+        T = [dr.block_sum(c, self.samples, mode="evaluated") if self.samples > 1 else c for c in T]
         return np.stack([c.numpy().reshape(-1, self.receivers) for c in T], axis=1), rays.numpy()
 
     def squared_distances(

@@ -11,6 +11,7 @@ from ...camera import Camera
 from ...errors import InputError
 from ...material import Material
 from ..geometry import Scene
+from .floor_plots import Plot, floor_around
 from .ground import ground
 from .parts import Part, rectangle, scene_of, sheet, together
 from .plinth import plinth
@@ -26,6 +27,9 @@ LAMP = Material("lamp", (0.78, 0.78, 0.78), emission=(17.0, 13.4, 9.2))
 HALF = 0.5  # of the room's width and height, metres
 WALL = 0.03  # its thickness
 OUTER = HALF + WALL  # half of the box's width; the room is open at z = OUTER
+BLOCK = 0.15  # half of both blocks' width
+TALL_AT, TALL_TURN_DEG = (-0.185, -0.17), 17.0  # x and z
+SHORT_AT, SHORT_TURN_DEG = (0.185, 0.15), -18.0
 TABLE_RADIUS = 1.5
 GAP = 0.0015  # rays begin 0.35 mm off a surface, and must not begin inside another
 
@@ -46,23 +50,41 @@ def cornell(*, detail: float = 1.0) -> Scene:
     cells = max(8, round(42 * detail))
     floor = GAP + WALL  # the room's
     middle = (floor + HALF) * Y
-    block = max(4, round(15 * detail))
-    tall = plinth(half_width=0.15, height=0.60, chamfer=0.004, gap=GAP, cells=(block, 2 * block))
-    short = plinth(half_width=0.15, height=0.30, chamfer=0.004, gap=GAP, cells=(block, block))
+    block = max(4, round(17 * detail))
+    tall = plinth(half_width=BLOCK, height=0.60, chamfer=0.004, gap=GAP, cells=(block, 2 * block))
+    short = plinth(half_width=BLOCK, height=0.30, chamfer=0.004, gap=GAP, cells=(block, block))
     lamp = rectangle(np.array([-0.13, 0, -0.10]), 0.26 * X, 0.20 * Z, cells=(6, 6))
     parts = [
-        (_wall(Y, X, middle, cells=cells), WHITE),
+        (_floor(spacing=2 * HALF / cells).moved((0.0, floor, 0.0)), WHITE),
         (_wall(-Y, -X, middle, cells=cells), WHITE),
         (_wall(Z, X, middle, cells=cells), WHITE),
         (_wall(X, -Z, middle, cells=cells), RED),
         (_wall(-X, Z, middle, cells=cells), GREEN),
-        (tall.turned(17.0).moved((-0.185, floor, -0.17)), WHITE),
-        (short.turned(-18.0).moved((0.185, floor, 0.15)), WHITE),
+        (tall.turned(TALL_TURN_DEG).moved((TALL_AT[0], floor, TALL_AT[1])), WHITE),
+        (short.turned(SHORT_TURN_DEG).moved((SHORT_AT[0], floor, SHORT_AT[1])), WHITE),
         (lamp.moved((0.0, floor + 2 * HALF - 0.003, 0.0)), LAMP),
         (_shell(middle, cells=max(4, cells // 5)), SHELL),
         (ground(radius=TABLE_RADIUS, half_width=OUTER, spacing=0.036 / detail), WOOD),
     ]
     return scene_of("cornell" if detail >= 1 else "cornell-small", parts, cameras=CAMERAS)
+
+
+def _floor(*, spacing: float) -> Part:
+    """In two plots, one around each block, which meet along a line midway between them."""
+    corners = np.array([(-1.0, 1.0), (-1.0, -OUTER), (1.0, -OUTER), (1.0, 1.0)])
+    corners[:, 0] *= HALF - GAP
+    corners[[0, 3], 1] = HALF - GAP
+    room = Plot(corners, hems=(True, False, True, True))
+    tall, short = (np.array([x, -z]) for x, z in (TALL_AT, SHORT_AT))
+    middle, between = (tall + short) / 2, short - tall
+    seam = np.array([-between[1], between[0]])  # the tall block is on its left
+    plots = [
+        floor_around(
+            room.cut(middle, along), middle=at, half_width=BLOCK, turn_deg=turn, spacing=spacing, hem=2 * GAP
+        )
+        for along, at, turn in ((seam, TALL_AT, TALL_TURN_DEG), (-seam, SHORT_AT, SHORT_TURN_DEG))
+    ]
+    return together(plots)
 
 
 def _wall(normal: np.ndarray, right: np.ndarray, middle: np.ndarray, *, cells: int) -> Part:

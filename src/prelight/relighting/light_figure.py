@@ -1,0 +1,48 @@
+"""One environment light beside what its cluster keeps of it (paper, figure 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..bases.cube_map import face_coordinates, solid_angles, texel_directions
+from ..camera import Camera
+from ..drawing.figures import Shown, difference_picture, panels
+from ..errors import InputError
+from ..lighting.painting import pointing
+from .relighter import Relighter
+from .strong_lights import StrongLights
+
+_SIZE = 560, 420
+_EMPHASIS = 8.0
+
+
+def light_figure(light: Relighter, azimuth_deg: float, elevation_deg: float, *, camera: Camera) -> Shown:
+    """T_l of the texel in a direction, T_C of its cluster, and their difference: three panels.
+
+    Leaves ``light`` under that light alone. Raises InputError for angles that are not finite, and
+    MissingExtraError where materials need the renderer and it is not there.
+    """
+    if not (np.isfinite(azimuth_deg) and -90 <= elevation_deg <= 90):
+        raise InputError(
+            "light", f"{azimuth_deg},{elevation_deg}, expected an azimuth and an elevation of −90 to 90"
+        )
+    R = light.resolution
+    face, u, v = (x[0] for x in face_coordinates(pointing(azimuth_deg, elevation_deg)[None]))
+    column, row = (int(np.clip((t + 1) * R / 2, 0, R - 1)) for t in (u, v))
+    light.light_texel(int(face), row, column, 1.0 / float(solid_angles(R)[row, column]))
+    clustered = light.radiance
+    d = texel_directions(np.array([(int(face) * R + row) * R + column]), R)
+    one = StrongLights(np.array([[face, row, column, 1, 1]], np.int32), d, np.ones((1, 3)))
+    alone = light.traced_radiance(one)
+    width, height = light.picture_size or _SIZE
+    pictures = [
+        light.picture_of(radiance, camera, width=width, height=height) for radiance in (alone, clustered)
+    ]
+    stops = pictures[0].stops("auto")
+    shown = [p.display(exposure=stops) for p in pictures]
+    difference = difference_picture(
+        pictures[0].linear, pictures[1].linear, factor=_EMPHASIS, white=2.0**-stops
+    )
+    texels = ", ".join(f"{h}×{w}" for h, w in light.clusters_at(int(face), row, column)[:3])
+    captions = ["the light alone, T_l", f"its cluster's vector T_C ({texels} texels)", "difference"]
+    return panels([*shown, difference], captions)
