@@ -139,6 +139,8 @@ def light_of(path: Path) -> np.ndarray:
     """Everything a relighter reads of a bake, down to the picture."""
     light = Relighter(path)
     assert isinstance(light.bake.triangles, np.ndarray)
+    assert light.bake.material_of.max() < len(light.bake.materials)
+    assert np.isfinite(light.bake.tint).all()
     light.environment = Environment.constant((1.0, 0.5, 0.25))
     for face in range(6):
         light.edit(face, slice(face, face + 2), slice(1, 3), np.array([face, 2.0, 9.0]))

@@ -13,26 +13,14 @@ from prelight.lighting.disc import Disc, add_discs
 from prelight.lighting.environment import Environment
 from prelight.lighting.regions import Cap, Paint, Window
 
+from .maps import areas, energy, texel_directions
+
 # A middle of a face, its edge, its corner, poles, next to all of these, and anywhere.
 PLACES = [
     (1, 0, 0), (1, 0, 1), (-1, 1, 1), (0, 1, 0), (0, -1, 0), (1, 1e-4, -1 + 1e-4), (1, 0.999, -1.001),
     (1e-3, 1, 2e-3), (0.3, -0.5, 0.7),
 ]  # fmt: skip
 RADII = (0.001, 0.05, 0.27, 2.86, 20.0, 90.0)
-
-
-def areas(resolution: int) -> np.ndarray:
-    edges = np.linspace(-1.0, 1.0, resolution + 1)
-    return cube_map.rectangle_solid_angles(edges, edges)
-
-
-def energy(cube: np.ndarray) -> np.ndarray:
-    return np.einsum("fijk,ij->k", cube.astype(np.float64), areas(cube.shape[1]))
-
-
-def texel_directions(resolution: int) -> np.ndarray:
-    d = cube_map.texel_directions(np.arange(6 * resolution**2), resolution)
-    return d.reshape(6, resolution, resolution, 3).astype(np.float64)
 
 
 def shares(region: Cap | Window, resolution: int) -> np.ndarray:
@@ -193,6 +181,17 @@ def test_discs_and_paint_are_seen_along_directions() -> None:
     expected = [(3, 4, 5), (2, 2.5, 3), (1, 1, 1), (5, 0.5, 0.5), (1, 1, 1)]
     np.testing.assert_allclose(light.radiance_along(d), expected, rtol=1e-5)
     assert np.isfinite(light.radiance_along(np.zeros((1, 3)))).all()
+
+
+def test_paint_turns_with_the_environment() -> None:
+    from prelight.lighting.layouts import quarter_turned
+
+    light = Environment.constant((1.0, 1.0, 1.0)).painted(Cap((0.5, 0.7, -0.2), 20.0, 0.5), (3.0, 0.0, 1.0))
+    light = light.painted(Window((10.0, 70.0), (-25.0, 30.0)), (0.0, 2.0, 0.0), opacity=0.5)
+    assert np.ptp(light.cube(40)) > 2.0
+    for quarters in (1, 2, 3):
+        turned = light.rotated(90.0 * quarters).cube(40)
+        np.testing.assert_allclose(turned, quarter_turned(light.cube(40), quarters), atol=0.02)
 
 
 # ---- Painted regions ---------------------------------------------------------------------------------------

@@ -175,6 +175,8 @@ def test_several_textures_are_told_apart() -> None:
         ({"uv": np.full((4, 2), np.nan)}, "uv"),
         ({"tint": np.full((4, 3), np.inf)}, "tint"),
         ({"textures": []}, "materials"),
+        ({"textures": [np.zeros((0, 4, 3), np.uint8)]}, "textures"),
+        ({"textures": [np.zeros((4, 4, 3))]}, "textures"),
         ({"material_of": [0, 1]}, "material_of"),
         ({"material_of": [0.0, 0.0]}, "material_of"),
     ],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,100 +13,20 @@ from prelight.lighting import resampling, scattering
 from prelight.lighting.environment import Environment
 from prelight.lighting.layouts import PICTURE_LAYOUTS
 
-SHAPES = {"latlong": (64, 128, 3), "angular": (90, 90, 3), "cross": (128, 96, 3), "cube": (6, 32, 32, 3)}
-OTHER_FACES = {"horizontal-cross": (96, 128, 3), "strip": (32, 192, 3), "tall-strip": (192, 32, 3)}
-RESOLUTIONS = (1, 2, 3, 17, 64, 255)
-
-
-def turned(d: np.ndarray, degrees: float) -> np.ndarray:
-    """R_y(degrees)·d, counter-clockwise seen from above."""
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    x, y, z = np.moveaxis(d, -1, 0)
-    return np.stack([c * x + s * z, y, c * z - s * x], axis=-1)
-
-
-def areas(resolution: int) -> np.ndarray:
-    edges = np.linspace(-1.0, 1.0, resolution + 1)
-    return cube_map.rectangle_solid_angles(edges, edges)
-
-
-def energy(cube: np.ndarray) -> np.ndarray:
-    return np.einsum("fijk,ij->k", cube.astype(np.float64), areas(cube.shape[1]))
-
-
-def texel_directions(resolution: int) -> np.ndarray:
-    texels = np.arange(6 * resolution**2)
-    return (
-        cube_map.texel_directions(texels, resolution).reshape(6, resolution, resolution, 3).astype(np.float64)
-    )
-
-
-def disc_only(pixels: np.ndarray) -> np.ndarray:
-    """An angular map as probes are: black where a pixel's centre is outside the disc."""
-    side = (2.0 * np.arange(len(pixels)) + 1.0) / len(pixels) - 1.0
-    return np.where((np.hypot(side[:, None], side[None, :]) <= 1.0)[..., None], pixels, 0.0).astype(
-        np.float32
-    )
-
-
-def textured(layout: str, rng: np.random.Generator) -> np.ndarray:
-    pixels = rng.lognormal(0.0, 1.5, SHAPES[layout]).astype(np.float32)
-    return disc_only(pixels) if layout == "angular" else pixels
-
-
-# The direction of a pixel, written out from the published mappings and not from ``layouts``.
-
-
-def latlong_direction(row: int, column: int) -> np.ndarray:
-    polar, azimuth = np.pi * (row + 0.5) / 64, 2.0 * np.pi * ((column + 0.5) / 128 - 0.5)
-    return np.array([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)])
-
-
-def angular_direction(row: int, column: int) -> np.ndarray:
-    p, q = (2 * column + 1) / 90 - 1, 1 - (2 * row + 1) / 90
-    r = np.hypot(p, q)
-    return np.array([np.sin(np.pi * r) * p / r, np.sin(np.pi * r) * q / r, -np.cos(np.pi * r)])
-
-
-def cross_direction(row: int, column: int) -> np.ndarray:
-    s, t = (2 * (column % 32) + 1) / 32 - 1, (2 * (row % 32) + 1) / 32 - 1
-    d = {
-        (0, 1): (s, 1, -t), (1, 0): (-1, -t, -s), (1, 1): (s, -t, -1),
-        (1, 2): (1, -t, s), (2, 1): (s, -1, t), (3, 1): (s, t, 1),
-    }[row // 32, column // 32]  # fmt: skip
-    return np.array(d) / np.linalg.norm(d)
-
-
-def upright_direction(face: str, s: float, t: float) -> np.ndarray:
-    """A point of a picture of a face as seen from the middle: s to the right, t down."""
-    d = {
-        "right": (1, -t, s), "left": (-1, -t, -s), "top": (s, 1, -t), "bottom": (s, -1, t),
-        "front": (s, -t, -1), "back": (-s, -t, 1),
-    }[face]  # fmt: skip
-    return np.array(d) / np.linalg.norm(d)
-
-
-def face_direction(layout: str, row: int, column: int) -> np.ndarray:
-    order = ["right", "left", "top", "bottom", "front", "back"]
-    across = ["left", "front", "right", "back"]
-    i, j = row // 32, column // 32
-    face = {"strip": order[j % 6], "tall-strip": order[i % 6]}.get(layout)
-    if face is None:
-        face = {(0, 1): "top", (2, 1): "bottom"}.get((i, j)) or across[j]
-    return upright_direction(face, (2 * (column % 32) + 1) / 32 - 1, (2 * (row % 32) + 1) / 32 - 1)
-
-
-DIRECTION = {"latlong": latlong_direction, "angular": angular_direction, "cross": cross_direction}
-# Ordinary places and awkward ones: next to a pole, at the rim of the disc, in corners and on edges of faces.
-SUNS = [
-    ("latlong", 20, 77), ("latlong", 40, 3), ("latlong", 0, 50), ("latlong", 63, 0), ("latlong", 31, 47),
-    ("angular", 44, 60), ("angular", 20, 22), ("angular", 45, 88), ("angular", 3, 52),
-    ("cross", 45, 40), ("cross", 70, 50), ("cross", 32, 0), ("cross", 127, 63), ("cross", 63, 95), ("cross", 5, 45),
-]  # fmt: skip
-
-
-BEYOND = [(20, 77), (44, 60), (45, 40)]
-
+from .maps import (
+    BEYOND,
+    DIRECTION,
+    RESOLUTIONS,
+    SHAPES,
+    SUNS,
+    areas,
+    disc_only,
+    energy,
+    texel_directions,
+    textured,
+    turned,
+    upright_direction,
+)
 
 # ---- Energy ------------------------------------------------------------------------------------------------
 
@@ -336,144 +255,6 @@ def test_a_loss_would_be_noticed(rng: np.random.Generator) -> None:
     total = 1.003 * Environment(pixels, "latlong").total
     with pytest.raises(PrelightError, match="lost light"):
         resampling.resampled(pixels, 16, layout="latlong", degrees=1.0, total=total)
-
-
-# ---- Turning -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("layout", ["cross", "cube"])
-@pytest.mark.parametrize("quarters", [0, 1, 2, 3, -1])
-def test_quarter_turns_of_faces_only_move_texels(
-    layout: str, quarters: int, rng: np.random.Generator
-) -> None:
-    environment = Environment(textured(layout, rng), layout)
-    d = texel_directions(32).reshape(-1, 3)
-    face, u, v = cube_map.face_coordinates(turned(d, -90.0 * quarters))
-    row, column = np.floor((v + 1.0) * 16.0).astype(int), np.floor((u + 1.0) * 16.0).astype(int)
-    expected = environment.cube(32)[face, row, column].reshape(6, 32, 32, 3)
-    np.testing.assert_array_equal(environment.rotated(90.0 * quarters).cube(32), expected)
-
-
-@pytest.mark.parametrize("layout", SHAPES)
-def test_turns_add_up(layout: str, rng: np.random.Generator) -> None:
-    environment = Environment(textured(layout, rng), layout)
-    there_and_back = environment.rotated(300.0).rotated(75.0).rotated(-15.0)
-    assert there_and_back.rotation_deg == 0.0
-    np.testing.assert_array_equal(there_and_back.cube(16), environment.cube(16))
-
-
-def test_any_turn_agrees_with_the_map_seen_from_there(rng: np.random.Generator) -> None:
-    """Two ways to the same cube: turn a lat-long by whole columns, or turn the environment."""
-    pixels = textured("latlong", rng)
-    columns = 11
-    by_pixels = Environment(np.roll(pixels, -columns, axis=1), "latlong")  # counter-clockwise: towards −X
-    by_turn = Environment(pixels, "latlong").rotated(columns * 360.0 / 128)
-    np.testing.assert_allclose(by_turn.cube(20), by_pixels.cube(20), rtol=1e-4)
-
-
-# ---- Faces, and one place in two layouts -------------------------------------------------------------------
-
-
-def test_an_unturned_cross_is_given_back(rng: np.random.Generator) -> None:
-    pixels = textured("cross", rng)
-    cube = Environment(pixels, "cross").cube(32)
-    rows, columns = np.nonzero(PICTURE_LAYOUTS["cross"].unfold(np.ones((6, 32, 32, 3), np.float32))[..., 0])
-    assert rows.size == 6 * 32 * 32
-    for row, column in zip(rows[::7], columns[::7], strict=True):
-        face, u, v = cube_map.face_coordinates(cross_direction(row, column)[None])
-        at, to = int((v[0] + 1.0) * 16.0), int((u[0] + 1.0) * 16.0)
-        np.testing.assert_array_equal(cube[face[0], at, to], pixels[row, column])
-    np.testing.assert_array_equal(Environment.from_cube(cube).cube(32), cube)
-
-
-@pytest.mark.parametrize("layout", OTHER_FACES)
-def test_other_pictures_of_faces_lie_as_they_are_seen(layout: str, rng: np.random.Generator) -> None:
-    """Every pixel of a face is one texel, where the picture seen from the middle says; and back again."""
-    pixels = rng.lognormal(0.0, 1.0, OTHER_FACES[layout]).astype(np.float32)
-    kind = PICTURE_LAYOUTS[layout]
-    inside = kind.unfold(np.ones((6, 32, 32, 3), np.float32))[..., 0] > 0
-    assert inside.sum() == 6 * 32 * 32
-    cube = Environment(pixels, layout).cube(32)
-    for row, column in zip(*(places[::13] for places in np.nonzero(inside)), strict=True):
-        face, u, v = cube_map.face_coordinates(face_direction(layout, row, column)[None])
-        at, to = int((v[0] + 1.0) * 16.0), int((u[0] + 1.0) * 16.0)
-        np.testing.assert_array_equal(cube[face[0], at, to], pixels[row, column])
-    np.testing.assert_array_equal(kind.unfold(cube)[inside], pixels[inside])
-
-
-def test_the_two_crosses_are_of_one_world(rng: np.random.Generator) -> None:
-    cube = rng.lognormal(0.0, 1.0, (6, 16, 16, 3)).astype(np.float32)
-    for layout in ("cross", *OTHER_FACES):
-        picture = PICTURE_LAYOUTS[layout].unfold(cube)
-        np.testing.assert_array_equal(Environment(picture, layout).cube(16), cube)
-
-
-@pytest.mark.parametrize(("side", "resolution"), [(12, 3), (12, 8), (8, 24), (7, 5), (5, 7), (1, 3), (3, 1)])
-def test_faces_overlap_texels_exactly(side: int, resolution: int, rng: np.random.Generator) -> None:
-    faces = rng.lognormal(0.0, 1.0, (6, side, side, 3)).astype(np.float32)
-    grid = side * resolution  # both resolutions divide it
-    weights = areas(grid)
-    fine = faces.repeat(resolution, axis=1).repeat(resolution, axis=2) * weights[..., None]
-    blocks = (resolution, side, resolution, side)
-    expected = (
-        fine.reshape(6, *blocks, 3).sum(axis=(2, 4)) / weights.reshape(blocks).sum(axis=(1, 3))[..., None]
-    )
-    np.testing.assert_allclose(Environment.from_cube(faces).cube(resolution), expected, rtol=1e-6)
-
-
-def test_probe_and_cross_of_the_beach_agree(data: Path) -> None:
-    """Two files of one place, exposed alike: their maps agree once fine detail is averaged out."""
-    probe = Environment.open(data / "probes" / "beach_probe.hdr")
-    cross = Environment.open(data / "probes" / "beach_cross.hdr")
-    assert (probe.layout, cross.layout) == ("angular", "cross")
-    # The cross was made from a larger picture; behind the ball (+Z) the probe sees almost nothing.
-    a, b = probe.cube(12), cross.cube(12)
-    ahead = [0, 1, 2, 3, 5]
-    ratio = np.log(a[ahead] / b[ahead])
-    assert abs(np.median(ratio)) < 0.01
-    assert np.corrcoef(np.log(a[ahead]).ravel(), np.log(b[ahead]).ravel())[0, 1] > 0.998
-    np.testing.assert_allclose(probe.total, cross.total, rtol=0.02)
-
-
-# ---- Looking up --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("layout", ["latlong", "angular", "cross"])
-@pytest.mark.parametrize("degrees", [0.0, 77.0])
-def test_looking_at_the_middle_of_a_pixel_sees_it(
-    layout: str, degrees: float, rng: np.random.Generator
-) -> None:
-    pixels = textured(layout, rng)
-    environment = Environment(pixels, layout).rotated(degrees).tinted((2.0, 1.0, 0.5))
-    spots = [(row, column) for name, row, column in SUNS if name == layout]
-    d = np.array([turned(DIRECTION[layout](*spot), degrees) for spot in spots])
-    expected = np.array([pixels[spot] for spot in spots]) * np.float32([2.0, 1.0, 0.5])
-    np.testing.assert_allclose(environment.radiance_along(3.0 * d), expected, rtol=2e-3)
-
-
-def test_looking_over_the_edges_of_faces_has_no_seam(rng: np.random.Generator) -> None:
-    """Along a path across edges radiance changes only as fast as the texels do."""
-    smooth = 1.0 + texel_directions(16) @ np.array([0.5, 0.2, -0.4])[:, None] * np.ones(3)
-    angle = np.linspace(0.0, 2.0 * np.pi, 4001)
-    for tilt in rng.normal(size=(5, 2, 3)):
-        p, q = np.linalg.qr(tilt.T)[0].T
-        d = np.cos(angle)[:, None] * p + np.sin(angle)[:, None] * q
-        seen = Environment.from_cube(smooth).radiance_along(d)[:, 0]
-        assert np.abs(seen - (1.0 + d @ np.array([0.5, 0.2, -0.4]))).max() < 0.01
-
-
-def test_looking_nowhere_is_harmless_and_nan_is_refused() -> None:
-    for layout, shape in SHAPES.items():
-        seen = Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((1, 3)))
-        np.testing.assert_allclose(seen, 1.0, rtol=1e-6)
-        assert Environment(np.ones(shape, np.float32), layout).radiance_along(np.zeros((0, 3))).shape == (
-            0,
-            3,
-        )
-    with pytest.raises(ValueError, match="expected finite numbers"):
-        Environment.constant((1, 1, 1)).radiance_along(np.full((2, 3), np.nan))
-    with pytest.raises(ValueError, match=r"shape \(3,\)"):
-        Environment.constant((1, 1, 1)).radiance_along(np.ones(3))
 
 
 # ---- Same bits everywhere ----------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ newmtl plain
   Ks 1 1 1
 newmtl shiny
   kd .2
-  Ks 0.04 0.04 0.04
+  Ks 0.09 0.09 0.09
   Ns 30
 newmtl chrome
   Kd 0.01 0.01 0.01
@@ -61,7 +61,7 @@ newmtl broken
     assert plain.is_lambertian
     assert plain.colour == (0.5, 0.25, 0.125)
     assert shiny.colour == (0.2, 0.2, 0.2)
-    assert ((shiny.ior - 1) / (shiny.ior + 1)) ** 2 == pytest.approx(0.04)
+    assert ((shiny.ior - 1) / (shiny.ior + 1)) ** 2 == pytest.approx(0.09)
     assert shiny.roughness**4 == pytest.approx(2 / 32)  # α² = 2/(Ns + 2), α = roughness²
     assert (chrome.metallic, chrome.colour) == (1, (0.9, 0.8, 0.7))
     assert (glass.transmission, glass.ior, glass.colour) == (1, 1.45, (0.9, 0.8, 0.7))
@@ -96,6 +96,15 @@ def test_libraries_are_found(tmp_path: Path, statement: bytes, files: dict[str, 
         assert load_scene(path).materials[0].colour == (1, 0, 0)
 
 
+def test_libraries_beyond_the_limits_are_not_read(loaded: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = b"".join(b"mtllib %d.mtl\n" % k for k in range(9)) + SQUARE + b"usemtl m\nf 1 2 3\n"
+    files = {f"{k}.mtl": b"newmtl m\nKd 1 0 0\n" for k in range(9)}
+    assert loaded(text, files).notes == ("more than 8 material libraries: the others not read",)
+    monkeypatch.setattr("prelight.scene.obj.library._MOST_TEXT", 40)
+    notes = loaded(text, files).notes
+    assert notes[0] == "material library '2.mtl' not read: 0 MB, at most 0 MB are read"
+
+
 def test_names_with_spaces(loaded) -> None:
     scene = loaded(
         b"mtllib m.mtl\n" + SQUARE + b"usemtl a b  c   \nf 1 2 3\n", {"m.mtl": b"newmtl  a b  c \nKd 1 0 0\n"}
@@ -117,9 +126,9 @@ def test_a_texture_stands_upright(loaded) -> None:
     np.testing.assert_allclose(scene.albedo, [(0, 0, 0.5), (0, 0, 0), (0, 0.5, 0), (0.5, 0, 0)], atol=1e-6)
     np.testing.assert_array_equal(scene.tint, np.full((4, 3), 0.5, np.float32))
     assert scene.notes == ("of materials not used: bump (1), map_ks (1)",)
-    turned = mtl.replace(b"map_Kd", b"map_Kd -s -1 1 1 -o 1 0 -clamp on")
+    turned = mtl.replace(b"map_Kd", b"map_Kd -s -1 1 1 -o 0.5 0 -clamp on")
     scene = loaded(b"mtllib m.mtl\n" + quarter + b"usemtl m\nf 1/1 2/2 3/3 4/4\n", {"m.mtl": turned})
-    np.testing.assert_allclose(scene.albedo, [(0, 0, 0), (0, 0, 0.5), (0.5, 0, 0), (0, 0.5, 0)], atol=1e-6)
+    np.testing.assert_allclose(scene.albedo, [(0, 0, 0.5), (0, 0, 0), (0, 0.5, 0), (0.5, 0, 0)], atol=1e-6)
     assert "-clamp of a map (1)" in scene.notes[0]
 
 

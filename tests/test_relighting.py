@@ -506,7 +506,7 @@ def test_the_public_face(tmp_path):
 
 
 def test_a_disc_does_not_sample_the_map_again(several, monkeypatch):
-    light = Relighter(several.bake)
+    light = Relighter(several.bake, trace_strong=False)
     sky = Environment.constant((1.0, 0.5, 0.25))
     light.environment = sky
     light.edit(2, slice(0, 3), slice(0, 3), [9.0, 0.0, 0.0])
@@ -533,7 +533,7 @@ def test_pixels_are_the_picture(tmp_path, rng):
     width, height = PICTURE
     zones = random_zones(rng, width * height, (3, 3), resolution=R)
     bake = write_bake(tmp_path, zones, resolution=R, rows=width * height, picture=PICTURE)
-    light = Relighter(bake)
+    light = Relighter(bake, trace_strong=False)
     assert light.picture_size == PICTURE
     light.environment = Environment.constant((1.0, 0.5, 0.25))
     picture = light.picture(background=None)
@@ -553,7 +553,7 @@ def test_pixels_are_the_picture(tmp_path, rng):
 
 
 def test_a_fixed_eye_is_the_camera(several):
-    light = Relighter(several.bake)
+    light = Relighter(several.bake, trace_strong=False)
     assert light.camera() == EYE
     other = Camera((0, 5, 5), (0, 0, 0))
     assert light.camera(other) == other

@@ -11,6 +11,7 @@ from prelight.scene.stock import cornell as box
 from prelight.scene.stock import still_life as table
 from prelight.scene.stock.catalogue import stock_scene
 from prelight.scene.stock.cloth import Napkin
+from prelight.scene.stock.floor_plots import Plot, floor_around
 from prelight.scene.stock.parts import Part
 from prelight.scene.stock.patterns import glazed, oak
 from prelight.scene.stock.plinth import slab
@@ -156,3 +157,41 @@ def test_receivers_of_the_room_see_the_room_only() -> None:
         own = flat & touching  # a wall's vertices lie in its own plane
         across = np.sort(np.abs(scene.positions[corners] - middle)[:, :2], axis=1)[:, 0] - box.HALF
         assert not (own & (np.abs(across) < 1.3 * offset)).any()
+
+
+@pytest.mark.parametrize("spacing", [0.025, 0.06])
+def test_the_room_s_floor_is_whole_and_flat(spacing: float) -> None:
+    """Its triangles add up to the room's floor and the strips under the walls, none turned over."""
+    floor = box._floor(spacing=spacing)
+    a, b, c = (floor.positions[floor.triangles[:, k]] for k in range(3))
+    up = np.cross(b - a, c - a)[:, 1] / 2
+    assert up.min() > 0
+    width = 2 * (box.HALF + box.GAP)
+    assert up.sum() == pytest.approx(width * (box.OUTER + box.HALF + box.GAP), rel=1e-9)
+    assert np.array_equal(np.unique(floor.triangles), np.arange(len(floor.positions)))
+
+
+def test_no_triangle_of_the_room_bleeds_from_under_a_block() -> None:
+    floor = box._floor(spacing=0.026)
+    for (x, z), turn in ((box.TALL_AT, box.TALL_TURN_DEG), (box.SHORT_AT, box.SHORT_TURN_DEG)):
+        foot = Part(floor.positions - (x, 0, z), floor.normals, floor.triangles).turned(-turn)
+        beyond = np.abs(foot.positions[:, [0, 2]]).max(axis=1) - box.BLOCK  # metres outside its walls
+        corners = beyond[floor.triangles]
+        crossing = (corners.min(axis=1) < -1e-9) & (corners.max(axis=1) > 1e-9)
+        dark = crossing & (corners.min(axis=1) < -0.001)
+        assert dark.any()
+        assert corners[dark].max() < 0.0031
+
+
+def test_a_plot_is_cut_in_two() -> None:
+    square = Plot(np.array([(0.0, 0), (2, 0), (2, 2), (0, 2)]), (True, False, True, True))
+    upper = square.cut(np.array([0.0, 1.0]), np.array([1.0, 0.0]))
+    lower = square.cut(np.array([0.0, 1.0]), np.array([-1.0, 0.0]))
+    assert sorted(map(tuple, upper.corners)) == [(0, 1), (0, 2), (2, 1), (2, 2)]
+    assert sorted(map(tuple, lower.corners)) == [(0, 0), (0, 1), (2, 0), (2, 1)]
+    assert sum(upper.hems) == 2
+    assert sum(lower.hems) == 2
+    part = floor_around(upper, middle=(1.0, -1.5), half_width=0.2, turn_deg=10, spacing=0.1, hem=0.01)
+    a, b, c = (part.positions[part.triangles[:, k]] for k in range(3))
+    # A strip above, one on the left: the right side is open, and so is the cut.
+    assert (np.cross(b - a, c - a)[:, 1] / 2).sum() == pytest.approx(2.01 * 1.01, rel=1e-9)

@@ -87,6 +87,18 @@ def test_the_surface_stays_and_every_edge_is_short(seed: int, share: float) -> N
     assert (np.diff(finer.material_of) >= 0).all()  # parts stand where their triangle stood
 
 
+@pytest.mark.parametrize("longest", [1.5, 0.7, 0.3, 0.1])
+def test_a_mesh_stays_joined(longest: float) -> None:
+    """A tetrahedron of four vertices: every edge, by its indices, belongs to two triangles in either direction."""
+    corners = [(1, 1, 1), (1, -1, -2), (-1, 1, -1), (-1, -1, 1)]
+    finer = subdivided(plain(corners, [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]), longest)
+    directed = np.stack([finer.triangles, np.roll(finer.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
+    assert set(map(tuple, directed)) == set(map(tuple, directed[:, ::-1]))
+    assert len(set(map(tuple, directed))) == len(directed)
+    assert len(finer.positions) == len(finer.triangles) // 2 + 2  # Euler
+    assert len(finer.positions) == len(np.unique(finer.positions, axis=0))
+
+
 def test_nothing_to_split_gives_the_scene_itself() -> None:
     scene = plain([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
     assert subdivided(scene, math.sqrt(2)) is scene

@@ -159,6 +159,6 @@ def test_what_mirrors_is_told_and_what_is_not_seen_from_behind():
     ],
 )
 def test_a_bsdf_that_mitsuba_does_not_take_is_refused_in_one_line(bsdf):
-    with pytest.raises(InputError, match="material odd.*Mitsuba does not take its bsdf") as refusal:
+    with pytest.raises(InputError, match=r"material odd.*Mitsuba does not take its bsdf") as refusal:
         SurfaceScene(dataclasses.replace(plane(3), materials=(Material(name="odd", bsdf=bsdf),)))
     assert "\n" not in str(refusal.value)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from prelight.bases.cube_map import face_coordinates, solid_angles, texel_directions
+from prelight.bases.cube_map import solid_angles, texel_directions
 from prelight.camera import Camera
 from prelight.checking.comparison import Figures, compare
 from prelight.drawing.view import View

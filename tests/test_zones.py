@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from prelight.baking.environment_plan import plan_environment
 from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.baking.layer_receivers import LayerReceivers
 from prelight.baking.zones import DARK, DIFFUSE, VIEWED, Zone, divide, sort_of
-from prelight.bases.cube_map import texel_directions
+from prelight.bases.cube_map import solid_angles, texel_directions
 from prelight.bases.quadtree import LeafCover, sample_texels
 from prelight.camera import Camera
 from prelight.encoding.sparse_tiles import decode_panel, panels_of_parcel
@@ -128,22 +129,22 @@ def assert_equation_11(layer: LayerReceivers, zone: Zone, leaves: np.ndarray, to
 
 def test_each_zone_satisfies_equation_11_among_its_own(tmp_path):
     scene = ball_on_floor(side=17, rings=10)
-    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=12, zones=4, tolerance=0.03)
-    layer = LayerReceivers(scene, EnvironmentSettings(resolution=12, zones=4, tolerance=0.03))
+    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=8, zones=3, tolerance=0.05)
+    layer = LayerReceivers(scene, EnvironmentSettings(resolution=8, zones=3, tolerance=0.05))
     zones = read_zones(bake)
-    counts = [assert_equation_11(layer, zone, leaves, 0.03) for zone, leaves, *_ in zones]
+    counts = [assert_equation_11(layer, zone, leaves, 0.05) for zone, leaves, *_ in zones]
     assert min(counts) > 10
     assert len({len(leaves) for _, leaves, *_ in zones}) > 1, "all zones have the same cut"
     coarsest = min((leaves for _, leaves, *_ in zones), key=len)
     finest = max(zones, key=lambda zone: len(zone[1]))[0]
     with pytest.raises(AssertionError):  # the test of the test: another zone's cut is not good enough
-        assert_equation_11(layer, finest, coarsest, 0.03)
+        assert_equation_11(layer, finest, coarsest, 0.05)
 
 
 def test_glossy_vertices_have_a_zone_of_their_own_under_an_eye(tmp_path):
     """The limit the paper names: among many diffuse receivers a few glossy ones would hardly count."""
     scene = glossy_ball()
-    options = {"resolution": 12, "tolerance": 0.03}
+    options = {"resolution": 8, "tolerance": 0.05}
     bake = bake_environment(scene, tmp_path / "ball.prelight", camera="a", **options)
     layer = LayerReceivers(scene, EnvironmentSettings(camera="a", **options))
     zones = read_zones(bake)
@@ -152,7 +153,7 @@ def test_glossy_vertices_have_a_zone_of_their_own_under_an_eye(tmp_path):
     assert not is_ball[zones[0][0].rows].any()
     assert is_ball[zones[1][0].rows].all()
     for (_, leaves, *_), zone in zip(zones, layer.zones, strict=True):
-        assert assert_equation_11(layer, zone, leaves, 0.03) > 10
+        assert assert_equation_11(layer, zone, leaves, 0.05) > 10
     record = bake.layers["environment"]
     assert record.camera is not None
     assert record.camera.name == "a"
@@ -204,7 +205,7 @@ def test_pixels_are_rows_from_the_top_and_empty_ones_are_dark(tmp_path):
 
 def test_zones_and_pixels_are_the_same_bytes_twice(tmp_path):
     scene = glossy_ball(side=9, rings=6)
-    options = {"camera": "a", "zones": 3, "resolution": 5}
+    options = {"camera": "a", "zones": 3, "resolution": 4}
     for more in ({}, {"receivers": "pixels", "width": 16, "height": 9}):
         trees = []
         for name, memory in (("one", None), ("two", 700_000_000)):
@@ -275,7 +276,7 @@ def test_a_camera_that_is_not_there_is_refused(tmp_path):
 
 @pytest.mark.parametrize("options", [{"zones": 6}, {"camera": "a"}], ids=str)
 def test_the_plan_of_zones_is_near_the_bake(tmp_path, options):
-    scene, wanted = glossy_ball(side=33, rings=16), EnvironmentSettings(resolution=24, **options)
+    scene, wanted = glossy_ball(side=25, rings=14), EnvironmentSettings(resolution=16, **options)
     plan = plan_environment(scene, wanted)
     bake = bake_planned(scene, tmp_path / "ball.prelight", plan=plan)
     layer = bake.layers["environment"]
@@ -283,3 +284,28 @@ def test_the_plan_of_zones_is_near_the_bake(tmp_path, options):
     assert plan.clusters == pytest.approx(layer.coefficients, rel=0.25)
     assert plan.rays == pytest.approx(layer.rays, rel=0.25)
     assert plan.bytes == pytest.approx(bake.manifest.bytes_of(""), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"receivers": "pixels", "width": 12, "height": 8}], ids=["vertices", "pixels"]
+)
+def test_the_reader_of_the_specification_reads_colours(tmp_path, rng, options):
+    """docs/bake-format.md against the arrays as they are decoded here: three channels beside one, several zones."""
+    scene = glossy_ball(side=9, rings=6)
+    bake = bake_environment(scene, tmp_path / "a.prelight", resolution=5, zones=3, camera="a", **options)
+    text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    theirs: dict = {}
+    exec(compile(code, "bake-format.md", "exec"), theirs)
+    cube = rng.random((6, 5, 5, 3))
+    radiance = theirs["radiance"](bake.path, cube, solid_angles(5))
+
+    light = cube * solid_angles(5)[..., None]
+    expected = np.full(radiance.shape, np.nan)
+    for zone, leaves, columns, scales in read_zones(bake):
+        l = np.array([light[f, i : i + h, j : j + w].sum(axis=(0, 1)) for f, i, j, h, w in leaves])
+        T = np.broadcast_to(columns * scales[:, :, None], (len(leaves), 3, len(zone.rows)))
+        albedo = scene.albedo[zone.rows] if zone.channels == 1 else 1
+        expected[zone.rows] = np.einsum("kc,kcr->rc", l, T) * albedo
+    np.testing.assert_allclose(radiance, expected, atol=1e-6 * expected.max())
+    assert (radiance > 0).any(axis=0).all()

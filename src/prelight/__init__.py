@@ -14,6 +14,7 @@ _HOME = {
     "Bake": "storage.bake",
     "Camera": "camera",
     "DamagedBakeError": "errors",
+    "Disc": "lighting.disc",
     "Environment": "lighting.environment",
     "InputError": "errors",
     "OutputError": "errors",
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from .camera import Camera
     from .drawing.picture import Picture
     from .errors import DamagedBakeError, InputError, OutputError, PrelightError
+    from .lighting.disc import Disc
     from .lighting.environment import Environment
     from .lighting.rig import Rig
     from .receivers import Receivers

@@ -250,7 +250,7 @@ def _tile_share(layer: LayerReceivers, zone: Zone, leaves: Nodes, rng: np.random
     for start in range(0, len(leaves), step):
         d = centres[start : start + step]
         T = transfer.values(transfer.trace(d, lanes=visibility.MAX_LANES)[0], d)
-        kept = (510 * T >= T.max(axis=2, keepdims=True)) & (T > 0)  # what is less becomes byte 0
+        kept = (T.max(axis=2, keepdims=True) <= 510 * T) & (T > 0)  # what is less becomes byte 0
         seen[start : start + step] = kept.reshape(len(d), T.shape[1], len(chosen), GROUP).any(axis=3)
     starts = np.arange(0, len(leaves), TILE)
     return float(np.logical_or.reduceat(seen, starts, axis=0).mean())

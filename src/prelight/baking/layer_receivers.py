@@ -59,15 +59,16 @@ class LayerReceivers:
         if zone.kind == DARK:
             return DarkTransfer(len(rows), zone.channels)
         if zone.kind == VIEWED:
-            return ViewedTransfer(self.occluders, self._surfaces, self._points, receivers=rows)
+            return ViewedTransfer(self.occluders, self.surfaces, self.points, receivers=rows)
         return DiffuseTransfer(self.occluders, self.scene.positions[rows], self.scene.normals[rows])
 
     @cached_property
-    def _surfaces(self) -> SurfaceScene:
+    def surfaces(self) -> SurfaceScene:
+        """What the scene is made of."""
         return SurfaceScene(self.scene)
 
     @cached_property
-    def _points(self) -> SeenPoints:
+    def points(self) -> SeenPoints:
         """What the eye sees."""
         assert self.eye is not None
         camera, settings = self.eye[1], self.settings
@@ -87,9 +88,9 @@ class LayerReceivers:
         scene = self.scene
         if not self.is_picture:
             return scene.positions, scene.normals
-        normals = self._points.interpolated(scene, scene.normals)
+        normals = self.points.interpolated(scene, scene.normals)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        return self._points.interpolated(scene, scene.positions), normals / np.maximum(length, 1e-30)
+        return self.points.interpolated(scene, scene.positions), normals / np.maximum(length, 1e-30)
 
     @cached_property
     def _sorts(self) -> Int32[np.ndarray, "rows"]:
@@ -100,5 +101,5 @@ class LayerReceivers:
         of_material = np.array([sort_of(material) for material in scene.materials], np.int32)
         if not self.is_picture:
             return of_material[scene.material_of_vertex]
-        material = self._points.material(scene)
+        material = self.points.material(scene)
         return np.where(material < 0, _NOTHING, of_material[material]).astype(np.int32)

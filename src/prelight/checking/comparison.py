@@ -37,7 +37,7 @@ class Figures:
         """Whether the pooled test lets it pass: what an estimate without bias must, and a lossy bake need not."""
         return abs(self.pooled_z) < Z_DETECTED
 
-    def to_dict(self, *, reference_seconds: float) -> dict[str, float]:
+    def to_dict(self, *, reference_seconds: float) -> dict[str, float | None]:
         """What ``compare --json`` tells; JSON knows no infinity, so those become null."""
         figures = asdict(self) | {"reference_seconds": float(reference_seconds)}
         return {name: value if math.isfinite(value) else None for name, value in figures.items()}

@@ -86,6 +86,7 @@ def compare(
 
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..checking.against import Comparison
+        from ..drawing.figures import save_figure
         from ..lighting.rig import Rig
         from ..relighting.relighter import Relighter
 
@@ -98,7 +99,8 @@ def compare(
     with printing.share_bar("integrating" if exact else "tracing paths") as report:
         figures = work.run(samples=None if exact else samples, seed=seed, report=report)
     if output is not None:
-        work.picture(eye, width=width, height=height, emphasis=emphasis).save(output, force=force)
+        figure = work.picture(eye, width=width, height=height, emphasis=emphasis)
+        save_figure(figure, output, force=force)
     if json:
         printing.say_json(figures | {"output": None if output is None else str(output)})
         return

@@ -94,6 +94,12 @@ class Surface:
         )
         if texture_of.size and texture_of.max() >= len(textures):
             raise InputError("materials", f"name texture {texture_of.max()} of {len(textures)}")
+        for k in np.unique(texture_of[texture_of >= 0]):
+            shape, kind = np.shape(textures[k]), np.asarray(textures[k]).dtype
+            if len(shape) != 3 or shape[2] != 3 or 0 in shape or kind != np.uint8:
+                raise InputError(
+                    "textures", f"number {k} is {kind} {shape}, expected (height, width, 3) bytes"
+                )
         self.texture_of = texture_of[material_of] if len(texture_of) else np.empty(0, np.int32)
         self.uv = np.ascontiguousarray(uv, np.float64)
         self.tint = np.ascontiguousarray(tint, np.float32)

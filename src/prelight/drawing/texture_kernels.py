@@ -102,7 +102,7 @@ def _filtered(texels, table, coarser, levels, u, v, slopes, colour):
         lookups = int(min(max(np.floor(longer / max(shorter, 1.0) + 0.5), 1.0), MOST_LOOKUPS))
         level = min(np.log2(max(shorter, longer / lookups, 1.0)), level)
     else:
-        longer = 0.0
+        longer = along_x = along_y = 0.0
     finer = min(int(level), last)
     blend = level - finer
     for n in range(lookups):

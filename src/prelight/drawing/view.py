@@ -76,6 +76,11 @@ class View:
         """The part of each pixel that the mesh fills, 0 to 1."""
         return np.concatenate([strip.coverage for strip in self._strips])
 
+    @property
+    def triangles_seen(self) -> Int32[np.ndarray, "n"]:
+        """Those that some pixel sees, ascending."""
+        return np.unique(np.concatenate([strip.seen for strip in self._strips]))
+
     def draw(
         self, radiance: Radiance, *, irradiance: Radiance | None = None, background: Background = None
     ) -> Picture:

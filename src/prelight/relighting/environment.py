@@ -9,18 +9,17 @@ from dataclasses import dataclass, field
 import numba
 import numpy as np
 
-from ..arrays import CubeMap, Float32, Float64, Radiance
+from ..arrays import CubeMap, Float32, Radiance
 from ..encoding.sparse_tiles import GROUP
 from ..errors import InputError
 from ..lighting.disc import Disc
 from ..lighting.regions import Cap
+from .disc_lights import DiscLights
 from .layer import EnvironmentLayer
 from .light_tree import LightTree
 from .pace import Pace
 from .tile_kernels import (
     EVERY,
-    UNIT_ROWS,
-    relight_disc,
     relight_full,
     relight_local,
     write_radiance,
@@ -32,8 +31,6 @@ _REFRESH_BELOW = 0.03  # of the brightest light since the last full relight, whi
 MOST_DISCS = 32  # whose radiance is kept apart
 
 _INFINITY = np.float32(np.inf).view(np.uint32)
-_NO_CHANGES = (np.zeros(1, np.int64), np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros(0, np.int32))
-_NO_WEIGHTS = np.zeros((0, 3), np.float32)
 
 
 @dataclass(frozen=True)
@@ -57,17 +54,6 @@ class Update:
 
 
 @dataclass
-class _Lit:
-    """A disc that is alight: its colour now, and what radiance it brings at strength one (``unit``)."""
-
-    colour: Float64[np.ndarray, "3"]
-    unit: Float32[np.ndarray, "groups 96"]
-    alight: np.ndarray  # (groups,) bool
-    solid_angle: float = 0.0
-    clusters: int = 0
-
-
-@dataclass
 class _Ledger:
     """How much light there is and was: when sums are to be made anew."""
 
@@ -88,8 +74,6 @@ class _Ledger:
 @dataclass(frozen=True)
 class _Paces:
     local: Pace = field(default_factory=lambda: Pace(relight_local))
-    moved: Pace = field(default_factory=lambda: Pace(relight_disc))
-    brightened: Pace = field(default_factory=lambda: Pace(relight_disc))
     write: Pace = field(default_factory=lambda: Pace(write_radiance))
 
 
@@ -115,7 +99,7 @@ class EnvironmentRelighter:
         R = layer.resolution
         self._cube = np.zeros((6, R, R, 3), np.float32)
         self._tree = LightTree(layer)
-        self._lit: dict[Cap, _Lit] = {}
+        self._discs = DiscLights(layer, self._tree)
         self._sums = np.zeros((layer.groups, 3 * GROUP))
         self._shares = layer.even_shares(numba.get_num_threads())
         self._scratch = np.zeros((len(self._shares) - 1, 3 * GROUP), np.float32)
@@ -196,21 +180,8 @@ class EnvironmentRelighter:
             wanted[disc.region] = wanted.get(disc.region, 0.0) + np.array(disc.radiance)
         if len(wanted) > MOST_DISCS:
             raise InputError("discs", f"{len(wanted)} of them, expected at most {MOST_DISCS}")
-        gone = [region for region in self._lit if region not in wanted]
-        clusters = read = 0
-        for region, colour in wanted.items():
-            if region not in self._lit:
-                read += self._move(gone.pop(0) if gone else None, region, colour)
-            elif (colour != self._lit[region].colour).any():
-                read += self._brighten(self._lit[region], colour)
-            else:
-                continue
-            clusters += self._lit[region].clusters
-        for region in gone:
-            lit = self._lit.pop(region)
-            read += self._brighten(lit, np.zeros(3))
-            clusters += lit.clusters
-        self._ledger.discs = sum(lit.solid_angle * float(lit.colour.sum()) for lit in self._lit.values())
+        clusters, read = self._discs.change(wanted, self._sums, self._shares)
+        self._ledger.discs = self._discs.total
         self._ledger.since_full += clusters > 0
         if clusters and self._ledger.is_due():
             return self._full(started, clusters)
@@ -222,38 +193,6 @@ class EnvironmentRelighter:
         """Relight in full: sums made anew, whatever came before."""
         return self._full(time.perf_counter(), len(self.layer.rectangles))
 
-    def _move(self, old: Cap | None, region: Cap, colour: np.ndarray) -> int:
-        """A disc goes from one place to another, or comes new; bytes read."""
-        lit = self._lit.pop(old) if old is not None else self._new_disc()
-        nodes, weights = self._tree.weights_of(region)
-        lit.solid_angle, lit.clusters = region.solid_angle, self._tree.clusters_of(nodes)
-        *changes, shares = self._tree.gather(nodes, weights)
-        read = self._bytes_of(*changes[1:3])
-        colours = np.stack([-lit.colour, colour])
-        self._blend(self._paces.moved, read, tuple(changes), shares.astype(np.float32), colours, lit)
-        lit.colour = colour
-        self._lit[region] = lit
-        return read
-
-    def _brighten(self, lit: _Lit, colour: np.ndarray) -> int:
-        change = (colour - lit.colour)[None]
-        self._blend(self._paces.brightened, lit.unit.nbytes, _NO_CHANGES, _NO_WEIGHTS, change, lit)
-        lit.colour = colour
-        return 0
-
-    def _blend(
-        self, pace: Pace, size: int, changes: tuple, weights: np.ndarray, colours: np.ndarray, lit: _Lit
-    ):
-        tiles, into = self.layer.tiles, self._sums
-        pace(size, tiles, changes, weights, colours, UNIT_ROWS, lit.unit, lit.alight, into, self._shares)
-
-    def _new_disc(self) -> _Lit:
-        groups = self.layer.groups
-        return _Lit(np.zeros(3), np.zeros((groups, 3 * GROUP), np.float32), np.zeros(groups, bool))
-
-    def _bytes_of(self, column: np.ndarray, start: np.ndarray) -> int:
-        return int((self.layer.tiles_of_column[column] * np.diff(start)).sum()) * GROUP
-
     def _follow(self, nodes: np.ndarray, change: np.ndarray, started: float) -> Update:
         """Relight after nodes of the tree have changed their light."""
         clusters = self._tree.clusters_of(nodes)
@@ -263,8 +202,8 @@ class EnvironmentRelighter:
         elif self._ledger.is_due() or clusters > _LOCAL_SHARE * len(self.layer.rectangles):
             self._full(started, clusters)
         else:
-            *changes, weights = self._tree.gather(nodes, change)
-            read = self._bytes_of(*changes[1:3])
+            *changes, weights = self._tree.gather((nodes, change))
+            read = self.layer.bytes_in(changes[1], changes[2])
             self._paces.local(read, self.layer.tiles, tuple(changes), weights, self._sums, self._shares)
             self._ledger.since_full += 1
             self.last = Update("local", (time.perf_counter() - started) * 1e3, read, clusters)
@@ -273,10 +212,7 @@ class EnvironmentRelighter:
     def _full(self, started: float, changed: int) -> Update:
         weights, lit = self._tree.weigh()
         relight_full(self.layer.tiles, lit, weights, EVERY, self._scratch, self._sums, self._shares)
-        for disc in self._lit.values():
-            self._blend(
-                self._paces.brightened, disc.unit.nbytes, _NO_CHANGES, _NO_WEIGHTS, disc.colour[None], disc
-            )
+        self._discs.add(self._sums, self._shares)
         ledger = self._ledger
         ledger.cube, ledger.since_full = self._tree.total(), 0
         ledger.brightest = ledger.total

@@ -71,7 +71,11 @@ class EnvironmentLayer:
 
         present, words = self.tiles.present, self.tiles.words
         counts = [np.add.reduceat(present >> s & 1, words, dtype=np.int64) for s in range(TILES)]
-        self.tiles_of_column = np.stack(counts, axis=1).ravel()  # how many groups have a tile there
+        self._tiles_of_column = np.stack(counts, axis=1).ravel()  # how many groups have a tile there
+
+    def bytes_in(self, column: np.ndarray, start: np.ndarray) -> int:
+        """Bytes of tiles that changes read, listed as by ``gather_changes``."""
+        return int((self._tiles_of_column[column] * np.diff(start)).sum()) * GROUP
 
     def even_shares(self, threads: int) -> Int64[np.ndarray, "threads+1"]:
         """Groups for each thread, so that all have as many bytes of tiles; thread t has shares[t] … shares[t+1]."""

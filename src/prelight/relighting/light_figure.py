@@ -43,6 +43,16 @@ def light_figure(light: Relighter, azimuth_deg: float, elevation_deg: float, *, 
     difference = difference_picture(
         pictures[0].linear, pictures[1].linear, factor=_EMPHASIS, white=2.0**-stops
     )
-    texels = ", ".join(f"{h}×{w}" for h, w in light.clusters_at(int(face), row, column)[:3])
+    texels = ", ".join(_clusters_at(light, int(face), row, column)[:3])
     captions = ["the light alone, T_l", f"its cluster's vector T_C ({texels} texels)", "difference"]
     return panels([*shown, difference], captions)
+
+
+def _clusters_at(light: Relighter, face: int, row: int, column: int) -> list[str]:
+    """Height×width in texels of each zone's cluster that a texel is in."""
+    sizes = []
+    for zone in range(light.zones):
+        f, r, c, h, w = light.clusters(zone).T
+        here = (f == face) & (r <= row) & (row < r + h) & (c <= column) & (column < c + w)
+        sizes += [f"{h[k]}×{w[k]}" for k in np.flatnonzero(here)]
+    return sizes

@@ -113,19 +113,19 @@ def light_again(cube, omega, nodes, after, begin, end, place, light, found, chan
 @njit(
     [
         types.Tuple((i8[::1], i8[::1], i8[::1], i4[::1], f8[:, ::1]))(
-            _read_only(i8, 2), i8[::1], f8[:, ::1], AFTER, AFTER, _read_only(f4, 2)
+            _read_only(i8, 2), i8[::1], i8[::1], f8[:, ::1], AFTER, AFTER, _read_only(f4, 2)
         )
     ],
     cache=True,
 )
-def gather_changes(zones, changed, change, starts, slots, scales):
+def gather_changes(zones, owners, changed, change, starts, slots, scales):
     """Changes of nodes as changes of clusters, zone by zone, in the columns of tiles they are in.
 
-    changed (n,) nodes, ascending; change (n, 3); the clusters of node i are slots[starts[i]] … of
-    scales (slots, 3). Returns
+    owners (lights + 1,): light d changes the nodes changed[owners[d]] …, ascending, by change (n, 3); the clusters
+    of node i are slots[starts[i]] … of scales (slots, 3). Returns
 
-    begins (zones + 1,) of each zone's columns; column (C,) p·16 + s; start (C + 1,) of each one's clusters in
-    index (m,), which tells the cluster in the tile, and weights (m, 3), scale included.
+    begins (lights·zones + 1,) of the columns of each light and zone; column (C,) p·16 + s; start (C + 1,) of
+    each one's clusters in index (m,), which tells the cluster in the tile, and weights (m, 3), scale included.
     """
     panels = 0
     for z in range(len(zones)):
@@ -134,35 +134,63 @@ def gather_changes(zones, changed, change, starts, slots, scales):
     for z in range(len(zones)):
         zone_of[zones[z, 3] : zones[z, 3] + zones[z, 4]] = z
 
-    ends = np.zeros(len(zones) + 1, np.int64)
-    for n in range(len(changed)):
-        for r in range(starts[changed[n]], starts[changed[n] + 1]):
-            ends[zone_of[slots[r] // PANEL] + 1] += 1
-    for z in range(len(zones)):
-        ends[z + 1] += ends[z]
+    buckets = (len(owners) - 1) * len(zones)
+    ends = np.zeros(buckets + 1, np.int64)
+    for d in range(len(owners) - 1):
+        for n in range(owners[d], owners[d + 1]):
+            for r in range(starts[changed[n]], starts[changed[n] + 1]):
+                ends[d * len(zones) + zone_of[slots[r] // PANEL] + 1] += 1
+    for b in range(buckets):
+        ends[b + 1] += ends[b]
     at, total = ends[:-1].copy(), ends[-1]
     slot, source = np.empty(total, np.int64), np.empty(total, np.int64)
-    for n in range(len(changed)):
-        for r in range(starts[changed[n]], starts[changed[n] + 1]):
-            z = zone_of[slots[r] // PANEL]
-            slot[at[z]], source[at[z]] = slots[r], n
-            at[z] += 1
+    for d in range(len(owners) - 1):
+        for n in range(owners[d], owners[d + 1]):
+            for r in range(starts[changed[n]], starts[changed[n] + 1]):
+                b = d * len(zones) + zone_of[slots[r] // PANEL]
+                slot[at[b]], source[at[b]] = slots[r], n
+                at[b] += 1
 
-    begins = np.zeros(len(zones) + 1, np.int64)
+    begins = np.zeros(buckets + 1, np.int64)
     column, start = np.empty(total, np.int64), np.empty(total + 1, np.int64)
     index, weights = np.empty(total, np.int32), np.empty((total, 3))
     columns = 0
-    for z in range(len(zones)):
-        for m in range(ends[z], ends[z + 1]):
-            if m == ends[z] or slot[m] // TILE != column[columns - 1]:
+    for b in range(buckets):
+        for m in range(ends[b], ends[b + 1]):
+            if m == ends[b] or slot[m] // TILE != column[columns - 1]:
                 column[columns], start[columns] = slot[m] // TILE, m
                 columns += 1
             index[m] = slot[m] % TILE
             for c in range(3):
                 weights[m, c] = change[source[m], c] * scales[slot[m], c]
-        begins[z + 1] = columns
+        begins[b + 1] = columns
     start[columns] = total
     return begins, column[:columns].copy(), start[: columns + 1].copy(), index, weights
+
+
+@njit(
+    [types.Tuple((i8[::1], f8[:, ::1]))(i8[::1], f8[:, ::1], i8[::1], f8[:, ::1])],
+    cache=True,
+)
+def difference(nodes, weights, old_nodes, old_weights):
+    """Where the weights (n, 3) of a light differ from its old ones, and by how much; nodes (n,) ascend."""
+    most = len(nodes) + len(old_nodes)
+    found, change = np.empty(most, np.int64), np.empty((most, 3))
+    count = n = o = 0
+    while n < len(nodes) or o < len(old_nodes):
+        i = nodes[n] if n < len(nodes) else np.int64(2**62)
+        j = old_nodes[o] if o < len(old_nodes) else np.int64(2**62)
+        found[count] = min(i, j)
+        change[count] = 0.0
+        if i <= j:
+            change[count] += weights[n]
+            n += 1
+        if j <= i:
+            change[count] -= old_weights[o]
+            o += 1
+        if change[count, 0] != 0.0:
+            count += 1
+    return found[:count].copy(), change[:count].copy()
 
 
 @njit(cache=True)

@@ -19,12 +19,14 @@ from ..lighting.regions import Cap
 from .disc_kernels import weigh_disc
 from .layer import EnvironmentLayer
 from .light_kernels import (
+    difference,
     gather_changes,
     light_again,
     light_everywhere,
     weigh_clusters,
 )
 
+Weights = tuple[Int64[np.ndarray, "nodes"], Float64[np.ndarray, "nodes 3"]]
 Changes = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # of ``gather_changes``
 
 
@@ -109,19 +111,25 @@ class LightTree:
         )  # fmt: skip
         return self._found[:n], self._change[:n]
 
-    def weights_of(self, disc: Cap) -> tuple[np.ndarray, np.ndarray]:
+    def weights_of(self, disc: Cap) -> Weights:
         """Nodes that a disc touches, ascending, and ∫ share dω there, (n, 3), three times the same."""
         n = weigh_disc(
             _frame(disc.direction), disc.depths, U, V, AXIS, self._layer.resolution,
             self.nodes, self.after, self._faces, self._scratch, self._found, self._change,
         )  # fmt: skip
-        return self._found[:n], self._change[:n]
+        return self._found[:n].copy(), self._change[:n].copy()
 
-    def gather(self, nodes: np.ndarray, change: np.ndarray) -> Changes:
-        """What changes of nodes, ascending, are to the clusters; see ``gather_changes``."""
+    def gather(self, *lights: Weights) -> Changes:
+        """What changes of nodes, ascending, of each light are to the clusters; see ``gather_changes``."""
+        nodes, change = lights[0] if len(lights) == 1 else map(np.concatenate, zip(*lights, strict=True))
+        owners = np.cumsum([0, *(len(of_light) for of_light, _ in lights)])
         return gather_changes(
-            self._layer.tiles.zones, nodes, change, self._starts, self._slots, self._layer.scales
+            self._layer.tiles.zones, owners, nodes, change, self._starts, self._slots, self._layer.scales
         )
+
+    def difference(self, weights: Weights, before: Weights) -> Weights:
+        """Where the weights of a light are others than before, and by how much."""
+        return difference(*weights, *before)
 
     def clusters_of(self, nodes: np.ndarray) -> int:
         """How many clusters, in all zones, these nodes are."""

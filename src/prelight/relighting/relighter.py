@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Float32, Radiance
+from ..arrays import Float32, Int32, Radiance
 from ..camera import Camera
 from ..drawing.picture import Picture
 from ..drawing.pixels import pixel_picture
 from ..drawing.surface import Surface
 from ..drawing.view import View
 from ..errors import InputError
+from ..lighting.disc import Disc
 from ..lighting.environment import Environment
 from ..storage.bake import Bake
 from .environment import MOST_DISCS, EnvironmentRelighter, Update
 from .layer import EnvironmentLayer
+from .strong_lights import NO_LIGHTS, StrongLights, together
+from .traced import Strong, TracedLights
 
 _PICTURE = (1280, 720)
 
@@ -36,6 +40,10 @@ class Relighter:
         A ``Bake`` or the path of one. Needs no renderer.
     layer
         Which of its environment layers; the one of that name if not said, or the first.
+    trace_strong
+        Take the few lights that carry much of the energy (a sun) out of the clusters, and find their shadows by
+        rays: 0.1 s or so where they move, and their error is gone. Switch it off while something is dragged.
+        What a fixed eye sees of materials other than Lambertian needs the renderer for it; without, clusters do.
 
     Raises
     ------
@@ -43,12 +51,15 @@ class Relighter:
         There is no bake, it has no such layer, or it is damaged.
     """
 
-    def __init__(self, bake: Bake | str | Path, *, layer: str | None = None) -> None:
+    def __init__(
+        self, bake: Bake | str | Path, *, layer: str | None = None, trace_strong: bool = True
+    ) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self._layer = EnvironmentLayer(self.bake, layer)
         albedo = None if self._layer.picture_size else self.bake.receivers.albedo
         self._live = EnvironmentRelighter(self._layer, albedo)
         self._environment = Environment.constant((0.0, 0.0, 0.0))
+        self._strong = Strong(TracedLights(self.bake, self._layer), wanted=trace_strong)
         self._view = lru_cache(maxsize=4)(self._new_view)
 
     @property
@@ -64,15 +75,38 @@ class Relighter:
     def environment(self, environment: Environment) -> None:
         if not isinstance(environment, Environment):
             raise InputError("environment", f"{type(environment).__name__}, expected an Environment")
-        known, live = self._environment, self._live
+        known, live, strong = self._environment, self._live, self._strong
+        R = self.resolution
+        discs: Sequence[Disc] = environment.discs
+        traced, behind = strong.of_discs(environment, R)
+        if len(behind) > MOST_DISCS:
+            discs, traced, behind = (), NO_LIGHTS, ()
         many = max(len(environment.discs), len(known.discs)) > MOST_DISCS
         if many or environment.discs == known.discs or not environment.same_behind_discs(known):
-            behind = environment if len(environment.discs) > MOST_DISCS else environment.with_discs(())
-            texels = live.set_cube(behind.cube(self.resolution))
-            live.last = live.set_discs(() if behind is environment else environment.discs).after(texels)
+            cube = (environment.with_discs(()) if discs else environment).cube(R)
+            texels = live.set_cube(strong.taken_out(cube, environment.total))
+            live.last = live.set_discs(behind).after(texels)
         else:
-            live.set_discs(environment.discs)
+            live.set_discs(behind)
+        strong.lights = together([strong.of_map, traced])
         self._environment = environment
+
+    @property
+    def trace_strong(self) -> bool:
+        """Whether strong lights are traced; set it, and the light that is there is lit so."""
+        return self._strong.wanted
+
+    @trace_strong.setter
+    def trace_strong(self, wanted: bool) -> None:
+        if wanted != self._strong.wanted:
+            self._strong.wanted, environment = wanted, self._environment
+            self._environment = Environment.constant((0.0, 0.0, 0.0))
+            self.environment = environment
+
+    @property
+    def strong_lights(self) -> StrongLights:
+        """Those that are traced now."""
+        return self._strong.lights
 
     @property
     def resolution(self) -> int:
@@ -86,7 +120,26 @@ class Relighter:
         Of vertices, in their order: albedo times T·l, or T·l itself where they are seen by a fixed eye. Of
         pixels, row by row from the top.
         """
-        return self._live.radiance
+        return self._with_strong(self._live.radiance)
+
+    def traced_radiance(self, lights: StrongLights) -> Radiance:
+        """What these lights alone bring, (rows, 3), by a shadow ray for each light and receiver.
+
+        Raises MissingExtraError where that needs the renderer.
+        """
+        return self._with_strong(np.zeros((self._layer.rows, 3), np.float32), lights)
+
+    def _with_strong(
+        self, radiance: Radiance, lights: StrongLights | None = None, *, irradiance: bool = False
+    ) -> Radiance:
+        lights = self._strong.lights if lights is None else lights
+        if len(lights):
+            more = self._strong.tracer.radiance(lights)
+            lambertian = self._strong.tracer.lambertian
+            if not irradiance and len(lambertian):
+                more[lambertian] *= self.bake.receivers.albedo[lambertian]
+            radiance += more.astype(np.float32)
+        return radiance
 
     @property
     def last(self) -> Update:
@@ -94,8 +147,34 @@ class Relighter:
         return self._live.last
 
     def edit(self, face: int, rows: slice, columns: slice, radiance: np.ndarray) -> Update:
-        """Replace a rectangle of the texels behind the discs; see ``EnvironmentRelighter.edit``."""
+        """Replace a rectangle of the texels behind the discs; see ``EnvironmentRelighter.edit``.
+
+        Strong lights there return to their clusters before.
+        """
+        for rectangle, texels in self._strong.give_back(face, rows, columns, self.resolution):
+            self._live.edit(*rectangle, texels)
         return self._live.edit(face, rows, columns, radiance)
+
+    def light_texel(self, face: int, row: int, column: int, radiance: float) -> None:
+        """A dark environment but for one texel, grey, through its cluster: T_C of that light."""
+        self.environment = Environment.constant((0.0, 0.0, 0.0))
+        self._live.edit(
+            face, slice(row, row + 1), slice(column, column + 1), np.full(3, radiance, np.float32)
+        )
+
+    @property
+    def layer_name(self) -> str:
+        """Of the layer that is relit."""
+        return self._layer.name
+
+    @property
+    def zones(self) -> int:
+        """How many zones the layer has."""
+        return len(self._layer.starts) - 1
+
+    def clusters(self, zone: int = 0) -> Int32[np.ndarray, "clusters 5"]:
+        """Rectangles (face, row, column, height, width) of a zone's clusters, in Z-order."""
+        return self._layer.rectangles[self._layer.starts[zone] : self._layer.starts[zone + 1]]
 
     def refresh(self) -> Update:
         """Relight in full."""
@@ -141,15 +220,31 @@ class Relighter:
         if isinstance(background, str) and background != "environment":
             raise InputError("background", f"{background!r}, expected 'environment', three numbers or None")
         behind = self._environment.radiance_along if background == "environment" else background
-        eye, own = self.camera(camera), self.picture_size
-        width, height = width or (own or _PICTURE)[0], height or (own or _PICTURE)[1]
+        irradiance = None
+        if self.picture_size is None and self._surface:
+            irradiance = self._with_strong(self._live.irradiance, irradiance=True)
+        eye, size = self.camera(camera), self.picture_size or _PICTURE
+        width, height = width or size[0], height or size[1]
+        return self._drawn(self.radiance, irradiance, eye, width=width, height=height, behind=behind)
+
+    def picture_of(self, radiance: Radiance, camera: Camera, *, width: int, height: int) -> Picture:
+        """Any radiance of the layer's rows (rows, 3) as a picture before black; textures as at the vertices."""
+        return self._drawn(radiance, None, camera, width=width, height=height, behind=None)
+
+    def _drawn(
+        self, radiance: Radiance, irradiance: Radiance | None, eye: Camera, *, width: int, height: int, behind
+    ) -> Picture:
+        own = self.picture_size
         if own is None:
-            view = self._view(eye, width, height)
-            irradiance = self._live.irradiance if self._surface else None
-            return view.draw(self.radiance, irradiance=irradiance, background=behind)
+            view = self.view(eye, width=width, height=height, textured=irradiance is not None)
+            return view.draw(radiance, irradiance=irradiance, background=behind)
         if (width, height) != own:
             raise InputError("size", f"{width}×{height}, but the pixels of this bake are {own[0]}×{own[1]}")
-        return pixel_picture(self.radiance, self._coverage, camera=eye, background=behind)
+        return pixel_picture(radiance, self._coverage, camera=eye, background=behind)
+
+    def view(self, camera: Camera, *, width: int, height: int, textured: bool = False) -> View:
+        """What a camera sees of the vertices; the last few are kept."""
+        return self._view(camera, width, height, textured)
 
     @cached_property
     def _coverage(self) -> Float32[np.ndarray, "height width"]:
@@ -176,8 +271,9 @@ class Relighter:
         ]
         return Surface(bake.material_of, materials, uv=bake.uv, tint=bake.tint, textures=bake.textures)
 
-    def _new_view(self, camera: Camera, width: int, height: int) -> View:
+    def _new_view(self, camera: Camera, width: int, height: int, textured: bool) -> View:
         receivers, triangles = self.bake.receivers, self.bake.triangles
+        surface = self._surface if textured else None
         return View(
-            receivers.positions, triangles, camera=camera, width=width, height=height, surface=self._surface
+            receivers.positions, triangles, camera=camera, width=width, height=height, surface=surface
         )

@@ -37,6 +37,14 @@ class StrongLights:
     def __len__(self) -> int:
         return len(self.rectangles)
 
+    def chosen(self, which: Sequence[int]) -> StrongLights:
+        """Some of them."""
+        k = np.array(which, np.int64)
+        return StrongLights(self.rectangles[k], self.directions[k], self.energy[k])
+
+
+NO_LIGHTS = StrongLights(np.zeros((0, 5), np.int32), np.zeros((0, 3), np.float32), np.zeros((0, 3)))
+
 
 def strongest(
     cube: CubeMap, *, total: Float64[np.ndarray, "3"], share: float = SHARE, most: int = MOST

@@ -23,12 +23,12 @@ _full_grey = tile_product(ir.FloatType(), colours=3)
 _full_one = tile_product(ir.FloatType(), colours=1)
 _local_grey = tile_product(ir.DoubleType(), colours=3)
 _local_one = tile_product(ir.DoubleType(), colours=1)
-_blend_grey = tile_product(ir.DoubleType(), colours=3, source=ir.FloatType())
-_blend_one = tile_product(ir.DoubleType(), colours=1, source=ir.FloatType())
+_blend_grey = tile_product(ir.DoubleType(), colours=3, source=ir.DoubleType())
+_blend_one = tile_product(ir.DoubleType(), colours=1, source=ir.DoubleType())
 
 _TILE_BYTES = TILE * GROUP
 _AHEAD = 16  # groups whose tiles are on their way while one is multiplied
-_SUM_BYTES, _ROW_BYTES = 8 * GROUP, 4 * GROUP  # of a channel of a group, in sums and units
+_SUM_BYTES = 8 * GROUP  # of a channel of a group
 
 i8, i4, f4, f8 = types.int64, types.int32, types.float32, types.float64
 
@@ -146,86 +146,100 @@ def relight_local(tiles, changes, weights, sums, shares):
 
 
 @njit(cache=True)
-def _blend(channels, units, rows, colours, count, sums):
-    """sums += Σ_n colours_n · unit_n of a group; all are addresses, rows the whole numbers 0, 3."""
+def _add_unit(channels, unit, colour, rows, sums):
+    """sums += colour · unit of a group; all are addresses, rows that of a 0."""
     if channels == 1:
-        _blend_grey(units, rows, colours, count, sums)
+        _blend_grey(unit, rows, colour, 1, sums)
     else:
         for c in range(3):
-            _blend_one(units + c * _ROW_BYTES, rows, colours + c * 8, count, sums + c * _SUM_BYTES)
+            _blend_one(unit + c * _SUM_BYTES, rows, colour + c * 8, 1, sums + c * _SUM_BYTES)
 
 
 @njit(cache=True)
-def _brighten_groups(tiles, colours, rows, unit, alight, sums, begin, end):
-    zones = tiles.zones
-    for z in range(len(zones)):
-        first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
-        for g in range(max(begin, first_group), min(end, first_group + groups)):
-            if alight[g]:
-                row, into = unit.ctypes.data + g * 3 * _ROW_BYTES, sums.ctypes.data + g * 3 * _SUM_BYTES
-                _blend(channels, row, rows.ctypes.data, colours.ctypes.data, 1, into)
-
-
-@njit(cache=True)
-def _move_groups(tiles, changes, weights, colours, rows, unit, alight, sums, begin, end):
+def _disc_groups(tiles, changes, weights, discs, units, alight, sums, begin, end):
     zones, addresses, words, first, present = tiles
     begins, column, start, index = changes
-    both = np.zeros((2, 3 * GROUP), np.float32)  # units of the light that goes, of the one that comes
+    places, colours, afresh, rows = discs
+    change = np.zeros(3 * GROUP)
     soon = np.zeros((_AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
+    at = 0  # where the units of a zone begin
     for z in range(len(zones)):
         first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
         low, high = max(begin - first_group, 0), min(end - first_group, groups)
-        for ahead in range(low, high + _AHEAD):
-            if ahead >= low + _AHEAD:
-                g = first_group + ahead - _AHEAD
-                for i in range(3 * GROUP):
-                    both[0, i], both[1, i] = unit[g, i], 0
-                was_alight, is_alight = alight[g], False
-                for c in range(channels):
-                    into = both.ctypes.data + (3 + c) * _ROW_BYTES
-                    for n in range(begins[z], begins[z + 1]):
-                        tile, a = soon[ahead & _AHEAD - 1, c, n], start[n]
-                        if tile:
-                            is_alight = True
-                            where, weight = index.ctypes.data + a * 4, weights.ctypes.data + a * 12 + c * 4
-                            _full_one(tile, where, weight, start[n + 1] - a, into)
-                if was_alight or is_alight:
-                    for i in range(3 * GROUP):
-                        unit[g, i] = both[1, i]
-                    alight[g] = is_alight
-                    into = sums.ctypes.data + g * 3 * _SUM_BYTES
-                    _blend(channels, both.ctypes.data, rows.ctypes.data, colours.ctypes.data, 2, into)
-            if ahead < high:
-                for c in range(channels):
-                    for n in range(begins[z], begins[z + 1]):
-                        word = c * groups + ahead
-                        tile = _tile_address(addresses, words, first, present, column[n], word)
-                        soon[ahead & _AHEAD - 1, c, n] = tile
-                        if tile:
-                            for i in range(start[n], start[n + 1]):
-                                prefetch(tile + index[i] * GROUP)
+        for ahead in range(low, high + _AHEAD if low < high else low):
+            g = first_group + ahead - _AHEAD
+            into = sums.ctypes.data + g * 3 * _SUM_BYTES
+            for d in range(len(places)):
+                bucket, place = d * len(zones) + z, places[d]
+                if ahead >= low + _AHEAD:
+                    unit = at + (ahead - _AHEAD) * channels * GROUP
+                    of_unit = units.ctypes.data + (place * units.shape[1] + unit) * 8
+                    if alight[place, g] and (colours[d, 0, 0] or colours[d, 0, 1] or colours[d, 0, 2]):
+                        _add_unit(channels, of_unit, colours.ctypes.data + d * 48, rows.ctypes.data, into)
+                    if begins[bucket] == begins[bucket + 1] and not (afresh[d] and alight[place, g]):
+                        continue
+                    for i in range(channels * GROUP):
+                        change[i] = 0.0
+                    is_alight = False
+                    for c in range(channels):
+                        for n in range(begins[bucket], begins[bucket + 1]):
+                            tile, a = soon[ahead & _AHEAD - 1, c, n], start[n]
+                            if tile:
+                                is_alight = True
+                                where, weight = (
+                                    index.ctypes.data + a * 4,
+                                    weights.ctypes.data + a * 24 + c * 8,
+                                )
+                                _local_one(
+                                    tile, where, weight, start[n + 1] - a, change.ctypes.data + c * _SUM_BYTES
+                                )
+                    if afresh[d]:
+                        for i in range(channels * GROUP):
+                            before = units[place, unit + i]
+                            units[place, unit + i] = change[i]
+                            change[i] -= before
+                        is_alight, alight[place, g] = is_alight or alight[place, g], is_alight
+                    elif is_alight:
+                        for i in range(channels * GROUP):
+                            units[place, unit + i] += change[i]
+                        alight[place, g] = True
+                    if is_alight:
+                        colour = colours.ctypes.data + d * 48 + 24
+                        _add_unit(channels, change.ctypes.data, colour, rows.ctypes.data, into)
+                if ahead < high:
+                    for c in range(channels):
+                        for n in range(begins[bucket], begins[bucket + 1]):
+                            word = c * groups + ahead
+                            tile = _tile_address(addresses, words, first, present, column[n], word)
+                            soon[ahead & _AHEAD - 1, c, n] = tile
+                            if tile:
+                                for i in range(start[n], start[n + 1]):
+                                    prefetch(tile + index[i] * GROUP)
+        at += groups * channels * GROUP
 
 
-_disc_signature = types.void(
-    _TILES, _CHANGES, f4[:, ::1], f8[:, ::1], _read_only(i4, 1), f4[:, ::1], types.boolean[::1], f8[:, ::1], _SHARES
-)  # fmt: skip
+_DISCS = types.Tuple((i8[::1], f8[:, :, ::1], types.boolean[::1], _read_only(i4, 1)))
 
 
-@njit([_disc_signature], parallel=True, cache=True)
-def relight_disc(tiles, changes, weights, colours, rows, unit, alight, sums, shares):
-    """A light that keeps its shape for a while: sums += colour · unit, unit (groups, 96) = Σ_t w_t T_t.
+@njit(
+    [
+        types.void(
+            _TILES, _CHANGES, f8[:, ::1], _DISCS, f8[:, ::1], types.boolean[:, ::1], f8[:, ::1], _SHARES
+        )
+    ],
+    parallel=True,
+    cache=True,
+)
+def relight_discs(tiles, changes, weights, discs, units, alight, sums, shares):
+    """Lights that keep their shape for a while: sums += Σ_d colour_d · unit_d, unit = Σ_t w_t T_t.
 
-    colours (1, 3) is by how much its colour changes. colours (2, 3) takes a light away, minus its colour, and
-    lights another in its place: its weights come as ``gather_changes`` lists them, its unit is kept. alight
-    (groups,) says where the unit is not zero; rows = 0, 3.
+    discs is (places (D,), colours (D, 2, 3), afresh (D,), 0 … 15): disc d has row places[d] of units (places,
+    32 numbers for each group and channel) and alight (places, groups), which says where its unit may not be zero.
+    colours[d] are by how much its colour changes, and what it then is. ``gather_changes`` lists, disc after
+    disc, by how much its weights change, or with ``afresh`` what they are from now on.
     """
     for t in prange(len(shares) - 1):
-        if len(colours) == 1:
-            _brighten_groups(tiles, colours, rows, unit, alight, sums, shares[t], shares[t + 1])
-        else:
-            _move_groups(
-                tiles, changes, weights, colours, rows, unit, alight, sums, shares[t], shares[t + 1]
-            )
+        _disc_groups(tiles, changes, weights, discs, units, alight, sums, shares[t], shares[t + 1])
 
 
 @njit(cache=True)
@@ -253,4 +267,4 @@ def write_radiance(order, channels, albedo, sums, radiance, shares):
 
 
 EVERY = np.arange(TILE, dtype=np.int32)
-UNIT_ROWS = np.array([0, 3], np.int32)
+EVERY.flags.writeable = False

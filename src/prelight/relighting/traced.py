@@ -6,16 +6,19 @@ Vertices need no renderer for it. What a fixed eye sees of other materials does:
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Directions, Float32, Float64
+from ..arrays import CubeMap, Directions, Float32, Float64
 from ..errors import MissingExtraError
+from ..lighting.disc import Disc
+from ..lighting.environment import Environment
 from ..rays.plain import PlainOccluders, PlainVisibility
 from ..storage.bake import Bake
 from .layer import EnvironmentLayer
-from .strong_lights import StrongLights
+from .strong_lights import NO_LIGHTS, StrongLights, strong_discs, strongest, without
 
 _KEPT_BYTES = 128_000_000  # of transfer, for lights that come again
 
@@ -33,6 +36,7 @@ class TracedLights:
         rows = layer.order >= 0
         channels[layer.order[rows]] = np.repeat(layer.channels_of_group, 32)[rows]
         self._plain, self._seen = np.flatnonzero(channels == 1), np.flatnonzero(channels == 3)
+        self.lambertian = self._plain
         self._known: OrderedDict[bytes, tuple[np.ndarray, np.ndarray]] = OrderedDict()
 
     @cached_property
@@ -65,6 +69,11 @@ class TracedLights:
     @property
     def _bytes_of_one(self) -> int:
         return len(self._plain) // 8 + 12 * len(self._seen) + 1
+
+    @property
+    def _samples(self) -> int:
+        samples = self._bake.layers[self._layer.name].parameters.get("samples")
+        return samples if isinstance(samples, int) else 1
 
     def _trace(self, directions: Directions) -> None:
         for d in directions:
@@ -106,5 +115,51 @@ class TracedLights:
             points = vertex_points(scene, layer.eye.eye)
         else:
             width, height = layer.picture_size
-            points = seen_points(occluders, layer.eye, width=width, height=height, samples=layer.samples)
+            points = seen_points(occluders, layer.eye, width=width, height=height, samples=self._samples)
         return ViewedTransfer(occluders, SurfaceScene(scene), points, receivers=self._seen)
+
+
+class Strong:
+    """The strong lights of a relighter: whether they are wanted, which there are, and what the map is without."""
+
+    def __init__(self, tracer: TracedLights, *, wanted: bool) -> None:
+        self.tracer, self.wanted = tracer, wanted
+        self.lights = self.of_map = NO_LIGHTS
+        self._texels: list[np.ndarray] = []
+
+    @property
+    def is_on(self) -> bool:
+        return self.wanted and self.tracer.is_possible
+
+    def of_discs(self, environment: Environment, resolution: int) -> tuple[StrongLights, Sequence[Disc]]:
+        """Strong discs as texels, and the other discs."""
+        if not self.is_on or not environment.discs:
+            return NO_LIGHTS, environment.discs
+        return strong_discs(environment.discs, environment.total, resolution)
+
+    def taken_out(self, cube: CubeMap, total: Float64[np.ndarray, "3"]) -> CubeMap:
+        """The cube without its strong lights, which are kept here."""
+        self.of_map = strongest(cube, total=total) if self.is_on else NO_LIGHTS
+        self._texels = [
+            cube[f, r : r + h, c : c + w].copy() for f, r, c, h, w in self.of_map.rectangles.tolist()
+        ]
+        return without(cube, self.of_map) if len(self.of_map) else cube
+
+    def give_back(
+        self, face: int, rows: slice, columns: slice, resolution: int
+    ) -> list[tuple[tuple[int, slice, slice], np.ndarray]]:
+        """Rectangles and texels of those that a rectangle meets; they are strong no more."""
+        top, bottom, _ = rows.indices(resolution)
+        left, right, _ = columns.indices(resolution)
+        back, keep = [], []
+        for k, (f, r, c, h, w) in enumerate(self.of_map.rectangles.tolist()):
+            if f == face and r < bottom and top < r + h and c < right and left < c + w:
+                back.append(((f, slice(r, r + h), slice(c, c + w)), self._texels[k]))
+            else:
+                keep.append(k)
+        if back:
+            others = range(len(self.of_map), len(self.lights))
+            self.lights = self.lights.chosen([*keep, *others])
+            self.of_map = self.of_map.chosen(keep)
+            self._texels = [self._texels[k] for k in keep]
+        return back

@@ -24,7 +24,7 @@ def tile_product(element: ir.Type, *, colours: int, source: ir.Type = _I8) -> Ca
 
     Adds, for each of ``colours`` (3, or the one whose weight is first) and all 32 receivers i of the tile,
     sums[c][i] += Σ_n weights[n][c] · tile[index[n]][i], n = 0 … count − 1.
-    ``tile`` is (clusters, 32 receivers) of ``source``, uint8 or float32, ``index`` int32, ``weights`` (count, 3)
+    ``tile`` is (clusters, 32 receivers) of ``source``, uint8 or ``element``, ``index`` int32, ``weights`` (count, 3)
     and ``sums`` (colours, 32) of ``element``; all C-contiguous, given as addresses; ``count`` at least 1.
     """
 
@@ -58,7 +58,7 @@ def tile_product(element: ir.Type, *, colours: int, source: ir.Type = _I8) -> Ca
         row = b.zext(b.load(at(index, b.shl(n, ir.Constant(_I64, 2)), _I32), align=4), _I64)
         row_at = at(tile, b.mul(row, ir.Constant(_I64, row_bytes)), ir.VectorType(source, GROUP))
         T = b.load(row_at, align=1)
-        T = b.uitofp(T, vector) if source == _I8 else b.fpext(T, vector)
+        T = b.uitofp(T, vector) if source == _I8 else T
         first_weight = b.mul(n, ir.Constant(_I64, 3 * width))
         updated = []
         for c in range(colours):

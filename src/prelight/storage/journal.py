@@ -1,7 +1,7 @@
 """The journal of an unfinished bake: what has been done, so that a killed one goes on.
 
 ``NAME.prelight.partial/`` holds chunks as they are made and ``journal.jsonl``: a first line with the
-settings, then one line for each finished panel, each ending in its own crc32c. A line is written only
+settings, then one line for each finished parcel, each ending in its own crc32c. A line is written only
 after the chunks it names. On resuming, a torn line or a chunk that does not match ends the part that
 counts; what lies behind is made again, to the same bytes. ``.NAME.prelight.lock`` beside it is held by
 the one process that writes; the system lets go of it when the process dies.

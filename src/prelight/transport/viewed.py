@@ -19,7 +19,8 @@ from .eye import SeenPoints
 from .transfer import SampleDirections, Samples
 
 MAX_LANES = 1 << 22  # of one launch: what it leaves is floats, not bits
-BYTES_PER_LANE = 40.0  # measured peak of a launch on the processor
+BYTES_PER_LANE = 28.0  # measured peak of a launch on the processor
+BYTES_PER_POINT = 320.0  # and what is kept of every sample of every receiver
 BLOCK = 256  # receivers; the transfer vectors of a node's samples stay in cache
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..mesh import UnreadableMesh
-from .tree import Node, is_transform
+from .node import Node, is_transform
 
 _PLUGINS = {
     "SmoothDiffuse": "diffuse", "SmoothDielectric": "dielectric", "ThinDielectric": "thindielectric",

@@ -14,7 +14,7 @@ from ...errors import InputError
 from ...files import read_regular
 from ...images.textures import LARGEST_FILE, read_texture
 from ..mesh import UnreadableMesh
-from .tree import Node, essence
+from .node import Node, essence
 
 _EIGHT_BIT = (".png", ".jpg", ".jpeg", ".bmp", ".tga")
 _MOST_PIXELS = 64 << 20

@@ -12,11 +12,12 @@ import numpy as np
 
 from ..mesh import MeshAsRead, UnreadableMesh, check_counts, short_name
 from ..variant import mitsuba
+from .node import Node, essence
 from .objects import node_of
 from .sensors import cameras_of
 from .shapes import ShapeArrays, matrix_of, shape_arrays
 from .surfaces import Surface, Surfaces
-from .tree import Node, essence, tree_of_dict, tree_of_file
+from .tree import tree_of_dict, tree_of_file
 
 _GREY = (0.5, 0.5, 0.5)
 

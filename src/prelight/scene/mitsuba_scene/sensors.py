@@ -10,8 +10,8 @@ import numpy as np
 from ...camera import Camera
 from ...errors import InputError
 from ..mesh import short_name
+from .node import Node, is_transform
 from .shapes import matrix_of
-from .tree import Node, is_transform
 
 _FILM = (768, 576)  # Mitsuba's, where none is given
 _DIAGONAL_35MM = math.hypot(36, 24)

@@ -14,7 +14,7 @@ from ..mesh import UnreadableMesh, check_counts
 from ..normals import is_mirrored, normal_matrix
 from ..ply.reading import read_ply
 from . import tessellation
-from .tree import Node, load_object
+from .node import Node, load_object
 
 _ROUND = {
     "Sphere": tessellation.sphere,

@@ -13,9 +13,9 @@ import numpy as np
 from ...material import BSDF_PLUGINS, GREY, STORED_TEXTURE, Material
 from ..mesh import UnreadableMesh, short_name
 from .albedo import CONDUCTORS, MIDDLE, Colour, albedo_of, is_plain_diffuse
+from .node import Node, essence, is_transform, load_object
 from .pictures import Pictures
 from .shapes import VERTEX_COLOUR, matrix_of
-from .tree import Node, essence, is_transform, load_object
 
 _DEEPEST = 6
 

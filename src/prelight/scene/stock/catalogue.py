@@ -28,9 +28,9 @@ STOCK_SCENES: dict[str, StockScene] = {
         partial(sculpture, detail=0.38), "the same in 4,669 receivers, for trials and tests"
     ),
     "cornell": StockScene(
-        cornell, "a box with red and green walls, open in front, 19,570 receivers; cameras front, close"
+        cornell, "a box with red and green walls, open in front, 19,610 receivers; cameras front, close"
     ),
-    "cornell-small": StockScene(partial(cornell, detail=0.44), "the same in 4,610 receivers"),
+    "cornell-small": StockScene(partial(cornell, detail=0.44), "the same in 4,665 receivers"),
     "still-life": StockScene(
         still_life,
         "lacquer, glaze, fruit, metal and linen on a table, 29,090 receivers; cameras front, close",

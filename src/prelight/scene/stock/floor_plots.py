@@ -48,7 +48,7 @@ class Plot:
             count = max(2, round(np.linalg.norm(b - a) / spacing))
             points.append(a + np.arange(count)[:, None] / count * (b - a))
             out = _outward(a, b) * hem
-            corner = out + _outward(previous[k], a) * self.hems[k - 1]
+            corner = _beyond_corner(previous[k], a, b, hems=(self.hems[k - 1], hem))
             beyond.append(np.concatenate([[corner], np.tile(out, (count - 1, 1))]))
         return np.concatenate(points), np.concatenate(beyond)
 
@@ -86,6 +86,19 @@ def _outward(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """To the right of one who walks from a to b."""
     edge = (b - a) / np.linalg.norm(b - a)
     return np.array([edge[1], -edge[0]])
+
+
+def _beyond_corner(
+    before: np.ndarray, at: np.ndarray, after: np.ndarray, *, hems: tuple[bool, bool]
+) -> np.ndarray:
+    """A unit beyond both edges that meet there, or beyond the hemmed one in the line of the other."""
+    first, second = _outward(before, at), _outward(at, after)
+    if all(hems):
+        return (first + second) / (1 + first @ second)
+    if not any(hems):
+        return np.zeros(2)
+    along, out = (at - after, first) if hems[0] else (at - before, second)
+    return along / (along @ out)
 
 
 def _without_empty(positions: np.ndarray, triangles: np.ndarray) -> Part:
