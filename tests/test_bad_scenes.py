@@ -18,6 +18,7 @@ from prelight.scene.loading import load_scene
 
 from .bad import make as bad
 from .corpus import Outcome, faults, in_child
+from .workshop import assert_refusal
 
 
 def refused(source: object, **options: object) -> str:
@@ -41,6 +42,7 @@ def test_L7_special_paths_are_refused_at_once(tmp_path: Path, suffix: str) -> No
         message = refused(tmp_path / f"{name}.{suffix}", trust=True)
         assert time.perf_counter() - start < 1 or suffix == "xml"  # the renderer is imported
         assert message.isprintable()
+        assert len(name) > 20 or message.count(f".{suffix}") == 1
 
 
 def test_our_own_bad_files() -> None:
@@ -58,6 +60,15 @@ def test_our_own_bad_files() -> None:
             assert len(message) <= 300
         else:
             assert any(row["note"] in note for note in load_scene(path).notes), row
+
+
+def test_L3_the_command_line_says_the_same(prelight, tmp_path: Path) -> None:
+    for row in map(json.loads, (bad.HERE / "INDEX.jsonl").read_text(encoding="utf-8").splitlines()):
+        if "refused" in row:
+            answer = prelight("bake", "environment", bad.HERE / row["path"], "-o", tmp_path / "new.prelight")
+            assert_refusal(answer, 2)
+            assert row["refused"] in answer.err, row
+    assert not list(tmp_path.iterdir())
 
 
 def test_L1_L2_L3_the_public_corpus_of_bad_files(data: Path) -> None:

@@ -188,7 +188,8 @@ def test_plain_surfaces_need_no_bsdf_and_others_are_plain_data():
     assert not plastic.is_lambertian
     assert scene.material_of.tolist() == [0] * 12 + [1] * 12 + [2] * 12 + [0] * 12
     for material in scene.materials:
-        assert Material.from_dict(json.loads(json.dumps(material.to_dict())), textures=0).bsdf == material.bsdf
+        stored = json.loads(json.dumps(material.to_dict()))
+        assert Material.from_dict(stored, textures=0).bsdf == material.bsdf
         mitsuba().load_dict(material.bsdf or {"type": "diffuse"})
 
 

@@ -43,7 +43,9 @@ def relight_seconds(found: pl.Bake, environment: Path, *, repeats: int = 9) -> d
 
 def bunny(data: Path, work: Path) -> dict:
     """Table 1, first column: 9,831 clusters, 405 MB, 50 minutes, 6.5 seconds."""
-    found, figures = baked(scan(data, "bunny"), work / "bunny-1024-5e-5.prelight", resolution=1024, epsilon=5e-5)
+    found, figures = baked(
+        scan(data, "bunny"), work / "bunny-1024-5e-5.prelight", resolution=1024, epsilon=5e-5
+    )
     figures |= relight_seconds(found, maps(data)["grace"])
     return beside(figures, clusters=9831, bytes=405e6, seconds=50 * 60, product_milliseconds=6500)
 

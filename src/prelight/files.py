@@ -103,9 +103,10 @@ def _read(path: str | Path, *, limit: int, flags: int) -> bytes:
             if status.st_size == 0:
                 raise InputError(path, "the file is empty")
             if status.st_size > limit:
-                raise InputError(
-                    path, f"{status.st_size / 1e6:.0f} MB, at most {limit / 1e6:.0f} MB are read"
+                size, most = (
+                    f"{n / 1e6:.0f} MB" if limit >= 1e6 else f"{n:,} bytes" for n in (status.st_size, limit)
                 )
+                raise InputError(path, f"{size}, at most {most} are read")
             return file.read(status.st_size)  # not ``limit``, which would be allocated first
     except FileNotFoundError:
         raise InputError(path, "no such file") from None

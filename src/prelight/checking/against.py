@@ -138,20 +138,33 @@ class Comparison:
             cube=cube, receivers=self.rows, samples=samples, seed=seed, report=report,
         )  # fmt: skip
 
-    def picture(self, camera: Camera, *, width: int, height: int, emphasis: float) -> Shown:
-        """Bake, reference and their difference beside each other; after ``choose_seen`` and ``run``."""
+    def picture(self, camera: Camera, *, width: int, height: int, emphasis: float | None) -> Shown:
+        """Bake, reference and their difference beside each other; after ``choose_seen`` and ``run``.
+
+        ``emphasis`` amplifies the difference; by itself so that all but the worst five hundredth can be told apart.
+        """
         assert self.reference is not None
         truth = self.light.radiance.copy()
         truth[self.rows] = self.reference
         ours = self.light.picture_of(self.light.radiance, camera, width=width, height=height)
         theirs = self.light.picture_of(truth, camera, width=width, height=height)
         stops = theirs.stops("auto")
-        difference = difference_picture(
-            ours.linear, theirs.linear, factor=emphasis, white=2.0**-stops, legend=True
-        )
+        white = 2.0**-stops
+        factor = emphasis or _round_factor(white, np.abs(ours.linear - theirs.linear).max(axis=2))
+        difference = difference_picture(ours.linear, theirs.linear, factor=factor, white=white)
         shown = [self._shown(picture, stops) for picture in (ours, theirs)]
         return panels([*shown, difference], ["baked and relit", "reference", "difference"])
 
     @staticmethod
     def _shown(picture: Picture, stops: float) -> Shown:
         return picture.display(exposure=stops)
+
+
+def _round_factor(white: float, difference: np.ndarray) -> float:
+    """1, 2 or 5 times a power of ten, that takes the large differences to the end of the scale."""
+    seen = difference[difference > 0]
+    if not seen.size:
+        return 1.0
+    exact = float(np.clip(white / np.percentile(seen, 99.8), 1.0, 1000.0))
+    decade = 10.0 ** np.floor(np.log10(exact))
+    return float(max(step * decade for step in (1, 2, 5) if step * decade <= exact))

@@ -30,7 +30,7 @@ def compare(
     layout: str | None = None,
     camera: str | None = None,
     size: str = "640x360",
-    emphasis: float = 8.0,
+    emphasis: float | None = None,
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
     force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -61,7 +61,7 @@ def compare(
     size
         Width and height of each of the picture's three panels; pixel layers have their own.
     emphasis
-        How much the differences in the picture are amplified.
+        How much the differences in the picture are amplified, above 0 to 1000; chosen by their size if not given.
     output
         A .png of the bake, the reference and their difference side by side. Then all receivers are compared
         that the camera sees, which takes longer.
@@ -80,7 +80,7 @@ def compare(
         raise InputError("--samples", f"{samples}, expected 16 to 65536")
     if receivers < 0:
         raise InputError("--receivers", f"{receivers}, expected 0 (all) or more")
-    if not 0 < emphasis <= 1000:
+    if emphasis is not None and not 0 < emphasis <= 1000:
         raise InputError("--emphasis", f"{emphasis:g}, expected above 0 and at most 1000")
     width, height = arguments.picture_size(size)
 
