@@ -102,7 +102,7 @@ def test_libraries_beyond_the_limits_are_not_read(loaded: Folder, monkeypatch: p
     assert loaded(text, files).notes == ("more than 8 material libraries: the others not read",)
     monkeypatch.setattr("prelight.scene.obj.library._MOST_TEXT", 40)
     notes = loaded(text, files).notes
-    assert notes[0] == "material library '2.mtl' not read: 17 bytes, at most 6 bytes are read"
+    assert notes[0] == "material library '2.mtl' not read: 18 bytes, at most 4 bytes are read"
 
 
 def test_names_with_spaces(loaded) -> None:

@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from scenes import baked, maps, relative, scan
 
 import prelight as pl
 from prelight.drawing.figures import difference_picture, panels, save_figure
 from prelight.drawing.plots import Axis, line_plot
 from prelight.transport.exact import integrate_exactly
+from scenes import baked, maps, relative, scan
 
 R = 256
 EPSILONS = (2.5e-5, 5e-5, 1e-4, 2.5e-4)
@@ -49,12 +49,12 @@ def eight_maps(data: Path, work: Path) -> dict:
                 light = pl.Relighter(found, trace_strong=traced)
                 light.environment = environment
                 key = name if traced else f"{name}, clusters alone"
-                if traced or len(pl.Relighter(found).bake.layers) and _has_strong(found, environment):
+                if traced or (len(pl.Relighter(found).bake.layers) and _has_strong(found, environment)):
                     errors[key] = relative(light.radiance[chosen], reference)
                     lines.setdefault(key, []).append((epsilon, errors[key]["relative_rms"]))
         result[f"ε={epsilon:g}"] = {"clusters": figures["clusters"], "errors": errors}
     plot = line_plot(
-        {name: points for name, points in lines.items()},
+        lines,
         x=Axis("ε", log=True),
         y=Axis("relative RMS error", log=True),
     )

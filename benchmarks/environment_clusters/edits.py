@@ -7,11 +7,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from scenes import baked, maps, relative, scan
 
 import prelight as pl
 from prelight.lighting.disc import Disc
 from prelight.transport.exact import integrate_exactly
+from scenes import baked, maps, relative, scan
 
 STEPS = 40
 ELEVATION = np.radians(35.0)

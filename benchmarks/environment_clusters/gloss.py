@@ -10,12 +10,12 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scenes import baked, maps, relative
 
 import prelight as pl
 from prelight.baking.layer_receivers import LayerReceivers
 from prelight.checking.against import Comparison
 from prelight.drawing.figures import save_figure
+from scenes import baked, maps, relative
 
 R = 128
 MAPS = ("grace", "galileo", "kloppenheim (sun)")

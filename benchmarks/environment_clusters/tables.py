@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from scenes import baked, brown_figure, maps, scan
 
 import prelight as pl
 from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
+from scenes import baked, brown_figure, maps, scan
 
 TABLE_2 = {  # R: clusters at ε = 5e-5, at 4e-5
     256: (8832, 14736),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numba
 import numpy as np
@@ -55,33 +55,21 @@ class Update:
 
 @dataclass
 class _Ledger:
-    """How much light there is and was: when sums are to be made anew."""
+    """How much light the cube has and had: when sums are to be made anew."""
 
-    discs: float = 0.0
-    cube: float = 0.0
+    total: float = 0.0
     brightest: float = 0.0
     since_full: int = 0
-
-    @property
-    def total(self) -> float:
-        return self.discs + self.cube
 
     def is_due(self) -> bool:
         self.brightest = max(self.brightest, self.total)
         return self.since_full >= _REFRESH_AFTER or self.total < _REFRESH_BELOW * self.brightest
 
 
-@dataclass(frozen=True)
-class _Paces:
-    local: Pace = field(default_factory=lambda: Pace(relight_local))
-    write: Pace = field(default_factory=lambda: Pace(write_radiance))
-
-
 class EnvironmentRelighter:
     """A layer, the light that falls on it now, and what follows from it (``_sums``, storage order).
 
-    The light is a cube of texels and, on top of it, soft discs: each disc's radiance at strength one is kept, so
-    that brightening it reads no transfer and moving it only that of the clusters where it now is.
+    The light is a cube of texels and, on top of it, soft discs (``disc_lights``), which ``_sums`` does not have.
 
     Parameters
     ----------
@@ -103,7 +91,7 @@ class EnvironmentRelighter:
         self._sums = np.zeros((layer.groups, 3 * GROUP))
         self._shares = layer.even_shares(numba.get_num_threads())
         self._scratch = np.zeros((len(self._shares) - 1, 3 * GROUP), np.float32)
-        self._ledger, self._paces = _Ledger(), _Paces()
+        self._ledger, self._local, self._write = _Ledger(), Pace(relight_local), Pace(write_radiance)
         self.last = Update("none", 0.0, 0, 0)
 
     @property
@@ -125,10 +113,9 @@ class EnvironmentRelighter:
 
     def _written(self, albedo: np.ndarray) -> Radiance:
         layer, radiance = self.layer, np.empty((self.layer.rows, 3), np.float32)
-        self._paces.write(
-            radiance.nbytes,
-            layer.order, layer.channels_of_group, albedo, self._sums, radiance, self._shares,
-        )  # fmt: skip
+        size = self._sums.nbytes + self._discs.bytes + radiance.nbytes
+        discs = self._discs.shine()
+        self._write(size, layer.order, albedo, self._sums, *discs, radiance, self._shares)
         return radiance
 
     def set_cube(self, cube: CubeMap) -> Update:
@@ -180,11 +167,7 @@ class EnvironmentRelighter:
             wanted[disc.region] = wanted.get(disc.region, 0.0) + np.array(disc.radiance)
         if len(wanted) > MOST_DISCS:
             raise InputError("discs", f"{len(wanted)} of them, expected at most {MOST_DISCS}")
-        clusters, read = self._discs.change(wanted, self._sums, self._shares)
-        self._ledger.discs = self._discs.total
-        self._ledger.since_full += clusters > 0
-        if clusters and self._ledger.is_due():
-            return self._full(started, clusters)
+        clusters, read = self._discs.change(wanted, self._shares)
         kind = "local" if clusters else "none"
         self.last = Update(kind, (time.perf_counter() - started) * 1e3, read, clusters)
         return self.last
@@ -196,7 +179,7 @@ class EnvironmentRelighter:
     def _follow(self, nodes: np.ndarray, change: np.ndarray, started: float) -> Update:
         """Relight after nodes of the tree have changed their light."""
         clusters = self._tree.clusters_of(nodes)
-        self._ledger.cube += self._tree.total(nodes, change)
+        self._ledger.total += self._tree.total(nodes, change)
         if clusters == 0:
             self.last = Update("none", (time.perf_counter() - started) * 1e3, 0, 0)
         elif self._ledger.is_due() or clusters > _LOCAL_SHARE * len(self.layer.rectangles):
@@ -204,7 +187,7 @@ class EnvironmentRelighter:
         else:
             *changes, weights = self._tree.gather((nodes, change))
             read = self.layer.bytes_in(changes[1], changes[2])
-            self._paces.local(read, self.layer.tiles, tuple(changes), weights, self._sums, self._shares)
+            self._local(read, self.layer.tiles, tuple(changes), weights, self._sums, self._shares)
             self._ledger.since_full += 1
             self.last = Update("local", (time.perf_counter() - started) * 1e3, read, clusters)
         return self.last
@@ -212,10 +195,9 @@ class EnvironmentRelighter:
     def _full(self, started: float, changed: int) -> Update:
         weights, lit = self._tree.weigh()
         relight_full(self.layer.tiles, lit, weights, EVERY, self._scratch, self._sums, self._shares)
-        self._discs.add(self._sums, self._shares)
         ledger = self._ledger
-        ledger.cube, ledger.since_full = self._tree.total(), 0
-        ledger.brightest = ledger.total
+        ledger.total = ledger.brightest = self._tree.total()
+        ledger.since_full = 0
         self.last = Update("full", (time.perf_counter() - started) * 1e3, self.layer.bytes, changed)
         return self.last
 

@@ -146,66 +146,34 @@ def relight_local(tiles, changes, weights, sums, shares):
 
 
 @njit(cache=True)
-def _add_unit(channels, unit, colour, rows, sums):
-    """sums += colour · unit of a group; all are addresses, rows that of a 0."""
-    if channels == 1:
-        _blend_grey(unit, rows, colour, 1, sums)
-    else:
-        for c in range(3):
-            _blend_one(unit + c * _SUM_BYTES, rows, colour + c * 8, 1, sums + c * _SUM_BYTES)
-
-
-@njit(cache=True)
-def _disc_groups(tiles, changes, weights, discs, units, alight, sums, begin, end):
+def _disc_groups(tiles, changes, weights, places, afresh, unit_starts, units, alight, begin, end):
     zones, addresses, words, first, present = tiles
     begins, column, start, index = changes
-    places, colours, afresh, rows = discs
-    change = np.zeros(3 * GROUP)
     soon = np.zeros((_AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
-    at = 0  # where the units of a zone begin
     for z in range(len(zones)):
         first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
         low, high = max(begin - first_group, 0), min(end - first_group, groups)
         for ahead in range(low, high + _AHEAD if low < high else low):
             g = first_group + ahead - _AHEAD
-            into = sums.ctypes.data + g * 3 * _SUM_BYTES
             for d in range(len(places)):
                 bucket, place = d * len(zones) + z, places[d]
                 if ahead >= low + _AHEAD:
-                    unit = at + (ahead - _AHEAD) * channels * GROUP
-                    of_unit = units.ctypes.data + (place * units.shape[1] + unit) * 8
-                    if alight[place, g] and (colours[d, 0, 0] or colours[d, 0, 1] or colours[d, 0, 2]):
-                        _add_unit(channels, of_unit, colours.ctypes.data + d * 48, rows.ctypes.data, into)
-                    if begins[bucket] == begins[bucket + 1] and not (afresh[d] and alight[place, g]):
-                        continue
-                    for i in range(channels * GROUP):
-                        change[i] = 0.0
-                    is_alight = False
+                    unit = units[place, unit_starts[g] : unit_starts[g + 1]]
+                    if afresh[d]:
+                        for i in range(len(unit)):
+                            unit[i] = 0.0
+                        alight[place, g] = False
                     for c in range(channels):
+                        into = unit.ctypes.data + c * _SUM_BYTES
                         for n in range(begins[bucket], begins[bucket + 1]):
                             tile, a = soon[ahead & _AHEAD - 1, c, n], start[n]
                             if tile:
-                                is_alight = True
                                 where, weight = (
                                     index.ctypes.data + a * 4,
                                     weights.ctypes.data + a * 24 + c * 8,
                                 )
-                                _local_one(
-                                    tile, where, weight, start[n + 1] - a, change.ctypes.data + c * _SUM_BYTES
-                                )
-                    if afresh[d]:
-                        for i in range(channels * GROUP):
-                            before = units[place, unit + i]
-                            units[place, unit + i] = change[i]
-                            change[i] -= before
-                        is_alight, alight[place, g] = is_alight or alight[place, g], is_alight
-                    elif is_alight:
-                        for i in range(channels * GROUP):
-                            units[place, unit + i] += change[i]
-                        alight[place, g] = True
-                    if is_alight:
-                        colour = colours.ctypes.data + d * 48 + 24
-                        _add_unit(channels, change.ctypes.data, colour, rows.ctypes.data, into)
+                                _local_one(tile, where, weight, start[n + 1] - a, into)
+                                alight[place, g] = True
                 if ahead < high:
                     for c in range(channels):
                         for n in range(begins[bucket], begins[bucket + 1]):
@@ -215,55 +183,74 @@ def _disc_groups(tiles, changes, weights, discs, units, alight, sums, begin, end
                             if tile:
                                 for i in range(start[n], start[n + 1]):
                                     prefetch(tile + index[i] * GROUP)
-        at += groups * channels * GROUP
 
 
-_DISCS = types.Tuple((i8[::1], f8[:, :, ::1], types.boolean[::1], _read_only(i4, 1)))
+_UNITS = (_read_only(i8, 1), f8[:, ::1], types.boolean[:, ::1])
 
 
 @njit(
-    [
-        types.void(
-            _TILES, _CHANGES, f8[:, ::1], _DISCS, f8[:, ::1], types.boolean[:, ::1], f8[:, ::1], _SHARES
-        )
-    ],
+    [types.void(_TILES, _CHANGES, f8[:, ::1], i8[::1], types.boolean[::1], *_UNITS, _SHARES)],
     parallel=True,
     cache=True,
 )
-def relight_discs(tiles, changes, weights, discs, units, alight, sums, shares):
-    """Lights that keep their shape for a while: sums += Σ_d colour_d · unit_d, unit = Σ_t w_t T_t.
+def move_discs(tiles, changes, weights, places, afresh, unit_starts, units, alight, shares):
+    """What lights bring at strength one, as their weights change: unit += Σ_t (w'_t − w_t) T_t.
 
-    discs is (places (D,), colours (D, 2, 3), afresh (D,), 0 … 15): disc d has row places[d] of units (places,
-    32 numbers for each group and channel) and alight (places, groups), which says where its unit may not be zero.
-    colours[d] are by how much its colour changes, and what it then is. ``gather_changes`` lists, disc after
-    disc, by how much its weights change, or with ``afresh`` what they are from now on.
+    Light d has row places[d] of units, 32 numbers for each group and channel, those of group g from
+    unit_starts[g] on, and of alight (places, groups), which says where its unit may not be zero.
+    ``gather_changes`` lists, light after light, by how much weights change, or with ``afresh`` what they now are.
     """
     for t in prange(len(shares) - 1):
-        _disc_groups(tiles, changes, weights, discs, units, alight, sums, shares[t], shares[t + 1])
+        _disc_groups(
+            tiles, changes, weights, places, afresh, unit_starts, units, alight, shares[t], shares[t + 1]
+        )
 
 
 @njit(cache=True)
-def _write_groups(order, channels, albedo, sums, radiance, begin, end):
+def _write_groups(order, albedo, sums, discs, unit_starts, units, alight, radiance, begin, end):
+    places, colours, every = discs
+    total = np.empty(3 * GROUP)
     for g in range(begin, end):
+        for i in range(3 * GROUP):
+            total[i] = sums[g, i]
+        is_grey = unit_starts[g + 1] - unit_starts[g] == GROUP
+        for d in range(len(places)):
+            if not alight[places[d], g]:
+                continue
+            unit = units.ctypes.data + (places[d] * units.shape[1] + unit_starts[g]) * 8
+            colour, into = colours.ctypes.data + d * 24, total.ctypes.data
+            if is_grey:
+                _blend_grey(unit, every.ctypes.data, colour, 1, into)
+            else:
+                for c in range(3):
+                    at = c * _SUM_BYTES
+                    _blend_one(unit + at, every.ctypes.data, colour + c * 8, 1, into + at)
         for i in range(GROUP):
             r = order[g * GROUP + i]
             if r < 0:
                 continue
             for c in range(3):
-                value = np.float32(max(sums[g, c * GROUP + i], 0.0))
-                radiance[r, c] = value * albedo[r, c] if channels[g] == 1 else value
+                value = np.float32(max(total[c * GROUP + i], 0.0))
+                radiance[r, c] = value * albedo[r, c] if is_grey else value
 
 
-_write_signature = types.void(
-    _read_only(i4, 1), _read_only(types.uint8, 1), _read_only(f4, 2), f8[:, ::1], f4[:, ::1], _SHARES
+_DISCS = types.Tuple((i8[::1], f8[:, ::1], _read_only(i4, 1)))
+
+
+@njit(
+    [types.void(_read_only(i4, 1), _read_only(f4, 2), f8[:, ::1], _DISCS, *_UNITS, f4[:, ::1], _SHARES)],
+    parallel=True,
+    cache=True,
 )
+def write_radiance(order, albedo, sums, discs, unit_starts, units, alight, radiance, shares):
+    """Radiance (rows, 3) from storage order: sums and lights, times albedo (rows, 3) in groups of one channel.
 
-
-@njit([_write_signature], parallel=True, cache=True)
-def write_radiance(order, channels, albedo, sums, radiance, shares):
-    """Radiance (rows, 3) from storage order: sums, times albedo (rows, 3) in groups of one channel."""
+    discs is (places (D,), colours (D, 3), 0 … 15); units as for ``move_discs``.
+    """
     for t in prange(len(shares) - 1):
-        _write_groups(order, channels, albedo, sums, radiance, shares[t], shares[t + 1])
+        _write_groups(
+            order, albedo, sums, discs, unit_starts, units, alight, radiance, shares[t], shares[t + 1]
+        )
 
 
 EVERY = np.arange(TILE, dtype=np.int32)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from ..rays.plain import PlainOccluders, PlainVisibility
 from ..storage.bake import Bake
 from .layer import EnvironmentLayer
 from .strong_lights import NO_LIGHTS, StrongLights, strong_discs, strongest, without
+
+if TYPE_CHECKING:
+    from ..transport.viewed import ViewedTransfer
 
 _KEPT_BYTES = 128_000_000  # of transfer, for lights that come again
 
@@ -70,11 +74,6 @@ class TracedLights:
     def _bytes_of_one(self) -> int:
         return len(self._plain) // 8 + 12 * len(self._seen) + 1
 
-    @property
-    def _samples(self) -> int:
-        samples = self._bake.layers[self._layer.name].parameters.get("samples")
-        return samples if isinstance(samples, int) else 1
-
     def _trace(self, directions: Directions) -> None:
         for d in directions:
             if d.tobytes() in self._known:
@@ -100,23 +99,11 @@ class TracedLights:
         )
 
     @cached_property
-    def _viewed(self):
+    def _viewed(self) -> ViewedTransfer:
         """Raises MissingExtraError without the renderer."""
-        from ..rays.mitsuba import Occluders
-        from ..rays.surfaces import SurfaceScene
-        from ..scene.baked import scene_of
-        from ..transport.eye import seen_points, vertex_points
-        from ..transport.viewed import ViewedTransfer
+        from .viewed import viewed_transfer
 
-        scene, layer = scene_of(self._bake), self._layer
-        occluders = Occluders(scene.positions, scene.triangles)
-        assert layer.eye is not None
-        if layer.picture_size is None:
-            points = vertex_points(scene, layer.eye.eye)
-        else:
-            width, height = layer.picture_size
-            points = seen_points(occluders, layer.eye, width=width, height=height, samples=self._samples)
-        return ViewedTransfer(occluders, SurfaceScene(scene), points, receivers=self._seen)
+        return viewed_transfer(self._bake, self._layer, self._seen)
 
 
 class Strong:

@@ -29,7 +29,9 @@ class Scene:
     cameras: dict[str, Camera] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # what the loader read otherwise than the file says, one line each
     materials: tuple[Material, ...] = (Material(),)
-    material_of: MaterialOf = field(default=None)  # (F,) index into materials; all zero if not given
+    material_of: MaterialOf = field(
+        default_factory=lambda: np.zeros(0, np.int32)
+    )  # (F,) index; all 0 if empty
     uv: TextureCoordinates | None = (
         None  # (V, 2) u to the right, v down from a texture's first row; repeating
     )
@@ -37,7 +39,7 @@ class Scene:
     textures: tuple[Texture, ...] = ()  # (H, W, 3) bytes
 
     def __post_init__(self) -> None:
-        if self.material_of is None:
+        if len(self.material_of) != len(self.triangles):
             object.__setattr__(self, "material_of", np.zeros(len(self.triangles), np.int32))
 
     @property

@@ -34,7 +34,13 @@ def read_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> MeshAsRead:
         albedo.append(np.broadcast_to(_albedo(mesh, unread), (len(mesh.vertices), 3)))
         first += len(mesh.vertices)
     notes = tuple(f"{what} (meshes: {count:,})" for what, count in unread.items() if count)
-    return MeshAsRead(*(np.concatenate(a) for a in (positions, triangles, normals, albedo)), notes)
+    return MeshAsRead(
+        np.concatenate(positions),
+        np.concatenate(triangles),
+        np.concatenate(normals),
+        np.concatenate(albedo),
+        notes,
+    )
 
 
 def _albedo(mesh: trimesh.Trimesh, unread: Counter[str]) -> np.ndarray:
