@@ -8,6 +8,7 @@ import resource
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +48,9 @@ def _watch(root: Path, touched: list[str]) -> None:
 def in_child(work: Callable[[], object], root: Path) -> Outcome:
     """Run ``work`` in a fork. A refusal is an InputError; any other exception, signal or delay is a crash."""
     back, forth = os.pipe()
-    child = os.fork()
+    with warnings.catch_warnings():  # threads do not come along, and nothing here needs them
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
     if child == 0:
         _be_child(work, root, forth)
     os.close(forth)

@@ -132,6 +132,14 @@ def test_normals_and_those_that_are_missing(loaded) -> None:
     assert scene.notes == ("vertices without a usable normal: 2; theirs are made from the triangles",)
 
 
+def test_without_normals_smoothing_groups_are_noted(loaded: Folder) -> None:
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\ns 1\nf 1 2 3\n"
+    assert loaded(text).notes == (
+        "smoothing groups not used: normals are made of all triangles around a vertex",
+    )
+    assert loaded(b"vn 0 0 1\n" + text).notes == ()
+
+
 def test_coordinates_and_normals_that_the_file_has_not_are_lost_and_it_is_said(loaded) -> None:
     scene = loaded(SQUARE + b"f 1/9/1 2/-7/2 3/3/-5 4/4/0\n")
     assert len(scene.positions) == 4

@@ -17,15 +17,15 @@ from PIL import Image
 import prelight as pl
 
 SHEETS = (
-    ("still-life", 0.0, ("studio", "sunset", "noon", "stage")),
-    ("cornell", 45.0, ("studio", "sunset", "noon", "stage")),
+    ("still-life", 0.3, {"studio": 0, "sunset": 0, "noon": 0, "stage": 0}),
+    ("cornell", 0.5, {"studio": 55, "sunset": 45, "noon": 45, "stage": 45}),  # turned to shine into the box
 )
-for bake, (name, turn, skies) in zip(sys.argv[1:], SHEETS, strict=True):
+for bake, (name, exposure, skies) in zip(sys.argv[1:], SHEETS, strict=True):
     light = pl.Relighter(bake)
-    size = {} if light.picture_size else {"width": 512, "height": 288}
+    size = {} if light.picture_size else {"width": 640, "height": 360}
     panes = []
-    for sky in skies:
+    for sky, turn in skies.items():
         light.environment = pl.Environment.stock(sky).rotated(turn)
-        panes.append(light.picture(**size).display(exposure=0.3))
+        panes.append(light.picture(**size).display(exposure=exposure))
     sheet = np.vstack([np.hstack(panes[:2]), np.hstack(panes[2:])])
     Image.fromarray(sheet).save(Path(__file__).with_name(f"{name}.png"), optimize=True)

@@ -166,7 +166,7 @@ def _energy(
     return light.max(axis=-1).ravel() @ d, light.sum(axis=(0, 1))
 
 
-def _of(rectangles: Sequence, towards: Sequence, energy: Sequence) -> StrongLights:
+def _of(rectangles: Sequence | np.ndarray, towards: Sequence, energy: Sequence) -> StrongLights:
     """Lights of directions of any length."""
     d = np.array(towards, np.float64).reshape(-1, 3)
     length = np.linalg.norm(d, axis=1, keepdims=True)

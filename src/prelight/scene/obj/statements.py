@@ -106,7 +106,7 @@ def _read_block(gathered: _Gathered, text: np.ndarray, offset: int) -> None:
 def _read_names(gathered: _Gathered, lines: Lines, offset: int) -> list[tuple[int, int]]:
     """Libraries and ignored lines counted; the lines that switch to a material, and its number."""
     mark = lines.text[lines.first]
-    for word, what in (("l", "lines"), ("p", "points")):
+    for word, what in (("l", "lines"), ("p", "points"), ("s", "groups")):
         gathered.counts[what] += len(lines.of(word))
     silent = [lines.of(word) for word in ("v", "vt", "vn", "f", "l", "p", "g", "o", "s")]
     rest = np.ones(len(mark), bool)
@@ -276,6 +276,8 @@ def _notes(gathered: _Gathered, too_small: int) -> list[str]:
         notes.append(f"faces of fewer than three corners dropped: {too_small:,}")
     if counts["lines"] or counts["points"]:
         notes.append(f"points and lines not read: {counts['lines'] + counts['points']:,}")
+    if counts["groups"] and not counts["vn"]:
+        notes.append("smoothing groups not used: normals are made of all triangles around a vertex")
     if counts["weights"]:
         notes.append(f"weights of vertices (w, for curves) not used: {counts['weights']:,}")
     if counts["lost"]:
