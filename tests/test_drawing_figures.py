@@ -11,6 +11,7 @@ from prelight.drawing.figures import difference_picture, panels, save_figure
 from prelight.drawing.plots import Axis, line_plot
 from prelight.drawing.unfolded import unfolded_clusters
 from prelight.errors import InputError, OutputError
+from prelight.lighting.layouts import PICTURE_LAYOUTS, Faces
 
 
 def quadtree(resolution: int, rng: np.random.Generator) -> np.ndarray:
@@ -63,12 +64,16 @@ def test_each_cluster_has_its_outline(rng: np.random.Generator) -> None:
     label = np.empty((6, 8, 8), int)
     for k, (f, r, c, h, w) in enumerate(leaves):
         label[f, r : r + h, c : c + w] = k
-    front = picture[64:128, 64:128][:, ::-1]  # −Z, mirrored against its texels
-    drawn = (front.astype(int).sum(axis=2) < 200).reshape(64, 64)
-    for row in range(8):
-        for column in range(7):
-            between = drawn[row * 8 + 3, column * 8 + 6 : column * 8 + 10].any()
-            assert between == (label[5, row, column] != label[5, row, column + 1])
+    cross = PICTURE_LAYOUTS["cross"]
+    assert isinstance(cross, Faces)
+    drawn = cross.faces(picture.astype(np.float32)).sum(axis=3) < 200
+    # Lines of pixels through the middle of each row, and of each column, of texels.
+    across = drawn.reshape(6, 8, 8, 8, 8)[:, :, 3]
+    between = across[:, :, :-1, 7] | across[:, :, 1:, 0]
+    assert np.array_equal(between, label[:, :, 1:] != label[:, :, :-1])
+    down = drawn.reshape(6, 8, 8, 8, 8)[..., 3]
+    between = down[:, :-1, 7] | down[:, 1:, 0]
+    assert np.array_equal(between, label[:, 1:] != label[:, :-1])
 
 
 @pytest.mark.parametrize("resolution", [1, 3, 100, 4096])

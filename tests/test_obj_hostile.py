@@ -159,7 +159,9 @@ def test_any_words_give_a_scene_or_one_line(tmp_path_factory, words: list[str]) 
     assert str(found).isprintable() if isinstance(found, InputError) else len(found.triangles)
 
 
-@pytest.mark.parametrize("what", ["line", "names", "faces", "polygon", "library", "spiral"])
+@pytest.mark.parametrize(
+    "what", ["line", "names", "faces", "polygon", "library", "spiral", "materials", "libraries"]
+)
 def test_large_files_take_no_more_than_their_share(tmp_path: Path, what: str) -> None:
     """A few megabytes each, made to be slow: refused or read within two seconds and 256 MB."""
     turns = np.linspace(1, 40, 250)
@@ -170,6 +172,8 @@ def test_large_files_take_no_more_than_their_share(tmp_path: Path, what: str) ->
         "names": SQUARE + b"".join(b"usemtl m%d\n" % k for k in range(100_000)) + b"f 1 2 3\n",
         "faces": SQUARE + b"f 1 2 3\n" * 400_000,
         "polygon": SQUARE + b"f 1 2 3 4 2\n" * 60_000,
+        "materials": SQUARE + b"".join(b"usemtl %d\nf 1 2 3\n" % k for k in range(100_000)),
+        "libraries": b"".join(b"mtllib a%d b c d e\n" % k for k in range(100_000)) + SQUARE + b"f 1 2 3\n",
         "library": b"mtllib m.mtl\n" * 1000 + SQUARE + b"usemtl m\nf 1 2 3\n",
         "spiral": b"".join(b"v %g %g %g\n" % tuple(p) for p in ring)
         + (b"f " + b" ".join(b"%d" % k for k in range(1, 257)) + b"\n") * 100,

@@ -157,6 +157,11 @@ def test_receivers_of_the_room_see_the_room_only() -> None:
         own = flat & touching  # a wall's vertices lie in its own plane
         across = np.sort(np.abs(scene.positions[corners] - middle)[:, :2], axis=1)[:, 0] - box.HALF
         assert not (own & (np.abs(across) < 1.3 * offset)).any()
+    for material in (1, 2):  # each side wall goes on behind its neighbours, and to the front
+        wall = scene.positions[np.unique(scene.triangles[scene.material_of == material])] - middle
+        reach = box.HALF + box.GAP
+        assert wall.min(axis=0)[1:] == pytest.approx([-reach, -reach], abs=1e-6)
+        assert wall.max(axis=0)[1:] == pytest.approx([reach, box.OUTER], abs=1e-6)
 
 
 @pytest.mark.parametrize("spacing", [0.025, 0.06])

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from prelight.bases.cube_map import solid_angles, texel_directions
 from prelight.errors import InputError
 from prelight.images.tonemap import srgb_decode
 from prelight.material import Material
@@ -162,3 +163,51 @@ def test_a_bsdf_that_mitsuba_does_not_take_is_refused_in_one_line(bsdf):
     with pytest.raises(InputError, match=r"material odd.*Mitsuba does not take its bsdf") as refusal:
         SurfaceScene(dataclasses.replace(plane(3), materials=(Material(name="odd", bsdf=bsdf),)))
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        Material(colour=(1, 1, 1), roughness=0.0, metallic=1.0),
+        Material(bsdf={"type": "twosided", "one": {"type": "conductor"}}),
+        Material(bsdf={"type": "roughconductor", "alpha_u": 0.001, "alpha_v": 0.001}),
+    ],
+    ids=["metal", "mirror", "polished"],
+)
+def test_a_mirror_finds_the_light_between_texels(material, rng):
+    """A white mirror under radiance 1 shows 1, wherever among the lights' directions it is looked at from."""
+    resolution = 24
+    texels = np.arange(6 * resolution**2)
+    d, omega = texel_directions(texels, resolution), np.tile(solid_angles(resolution).ravel(), 6)
+    scene = square(material)
+    occluders = Occluders(scene.positions, scene.triangles)
+    wide, sharp = SurfaceScene(scene, resolution=resolution), SurfaceScene(scene)
+    assert wide.widened == (material.name,)
+    assert sharp.widened == ()
+    assert not wide.delta.any()
+    shown = {wide: [], sharp: []}
+    for x, z in rng.uniform(-2, 2, (12, 2)):
+        points = at(np.float64([0.3]), np.float64([0.3]), eye=(x, 2.0, z))
+        for surfaces, values in shown.items():
+            rows, _ = ViewedTransfer(occluders, surfaces, points).trace(d)
+            values.append(float(rows[:, 0, 0] @ omega))
+    assert np.abs(np.array(shown[wide]) - 1).max() < 0.04
+    assert np.abs(np.array(shown[sharp]) - 1).max() > 0.5
+
+
+def test_only_what_is_narrower_than_texels_is_widened():
+    texture = np.uint8([[[0, 10, 0], [0, 200, 0]]])
+    materials = (
+        Material("matte"),
+        Material("satin", roughness=0.3, specular=1.0),
+        Material("polished", roughness=0.05, specular=1.0),
+        Material("coated", roughness=1.0, specular=1.0, clearcoat=1.0),
+        Material("rough", bsdf={"type": "roughconductor", "alpha": 0.3}),
+        Material("textured", roughness=1.0, specular=1.0, roughness_texture=0),
+    )
+    scene = dataclasses.replace(square(materials[0], textures=[texture]), materials=materials)
+    surfaces = SurfaceScene(scene, resolution=64)
+    assert surfaces.widened == ("polished", "coated", "textured")
+    plain = SurfaceScene(scene)
+    same = [str(a) == str(b) for a, b in zip(surfaces.bsdfs, plain.bsdfs, strict=True)]
+    assert same == [True, True, False, False, True, False]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import Float64, Int32
 from ..bases.cube_map import mean_directions, texel_directions
 from ..bases.quadtree import Nodes
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, panels_of_parcel
@@ -139,6 +140,7 @@ def _cuts(layer: LayerReceivers) -> tuple[list[Cut], int]:
         ) * row + _COPIES_OF_COLUMNS * element
         kind = visibility if zone.kind == DIFFUSE else viewed
         lane, points = kind.BYTES_PER_LANE, R * (settings.pixel_samples if layer.is_picture else 1)
+        fixed += points * (viewed.BYTES_PER_POINT if kind is viewed else 0)
         left = _USED_SHARE * memory - fixed
         if left < lane * points + 8 * node or left <= 0:
             least = (fixed + lane * points + 8 * node) / _USED_SHARE / 1e9 + 0.05
@@ -169,29 +171,46 @@ class _Speed:
 
 
 def _pilot(layer: LayerReceivers, zone: Zone, cut: Cut, rng: np.random.Generator) -> tuple[_Estimate, Nodes]:
-    """Bake a few receivers of a zone, in memory."""
-    R, settings = len(zone.rows), layer.settings
+    """Bake a few receivers of a zone, in memory, and a quarter of them, for what more would have changed.
+
+    A mean over few receivers is uncertain, which splits nodes that the mean over all would not: measured, the
+    excess goes as one over the square root of their number.
+    """
+    R = len(zone.rows)
     share = max(1000, min(2000, layer.count // 40)) // len(layer.zones)
     pilot = min(R, max(share, _PILOT_RECEIVERS))
     edges = np.linspace(0, R, pilot + 1).astype(np.int64)
     chosen = rng.integers(edges[:-1], edges[1:])  # one from each stretch of the order: neighbours see alike
+    leaves, figures = _walked(layer, zone, cut, zone.rows[chosen])
+    if pilot < R:
+        quarter = chosen[np.minimum(np.arange(0, pilot, 4) + rng.integers(4, size=-(-pilot // 4)), pilot - 1)]
+        _, fewer = _walked(layer, zone, cut, zone.rows[quarter])
+        excess = (pilot**-0.5 - R**-0.5) / (len(quarter) ** -0.5 - pilot**-0.5)
+        figures = np.maximum(figures - excess * np.maximum(fewer - figures, 0), 0.5 * figures)
+    clusters, rays, lanes, nodes = figures.tolist()
+    panels = -(-clusters // PANEL)
+    groups = zone.groups * zone.channels
+    tiles = _tile_share(layer, zone, leaves, rng) * -(-clusters // TILE) * groups
+    size = tiles * TILE * GROUP + panels * (2 * groups + (20 + 4 * zone.channels) * PANEL)
+    return _Estimate(clusters, rays * R, lanes * R, nodes, size), leaves
+
+
+def _walked(
+    layer: LayerReceivers, zone: Zone, cut: Cut, rows: Int32[np.ndarray, "some"]
+) -> tuple[Nodes, Float64[np.ndarray, "4"]]:
+    """Leaves for some receivers of a zone, and how many; rays and receiver-directions of one; nodes tested."""
     leaves, rays, lanes, nodes = [], 0, 0, 0
     for group, progress in cluster_lights(
-        layer.transfer(zone, zone.rows[chosen]),
-        settings.test_for(layer.count),
+        layer.transfer(zone, rows),
+        layer.settings.test_for(layer.count),
         covered=np.zeros((0, 5), np.int32),
-        block=max(cut.block, min(4096, cut.block * R // pilot)),
+        block=max(cut.block, min(4096, cut.block * len(zone.rows) // len(rows))),
         lanes=cut.lanes,
     ):
         leaves.append(group.leaves)
         rays, lanes, nodes = progress.rays, progress.lanes, progress.nodes_tested
     found = np.concatenate(leaves)
-    panels = -(-len(found) // PANEL)
-    groups = zone.groups * zone.channels
-    tiles = _tile_share(layer, zone, found, rng) * -(-len(found) // TILE) * groups
-    size = tiles * TILE * GROUP + panels * (2 * groups + (20 + 4 * zone.channels) * PANEL)
-    scale = R / pilot
-    return _Estimate(len(found), rays * scale, lanes * scale, nodes, size), found
+    return found, np.array([len(found), rays / len(rows), lanes / len(rows), nodes])
 
 
 def _like(zone: Zone, zones: list[Zone], known: dict[int, _Estimate]) -> _Estimate:

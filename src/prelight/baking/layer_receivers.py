@@ -64,8 +64,8 @@ class LayerReceivers:
 
     @cached_property
     def surfaces(self) -> SurfaceScene:
-        """What the scene is made of."""
-        return SurfaceScene(self.scene)
+        """What the scene is made of, highlights no narrower than the lights."""
+        return SurfaceScene(self.scene, resolution=self.settings.resolution)
 
     @cached_property
     def points(self) -> SeenPoints:

@@ -15,6 +15,7 @@ from ..camera import Camera
 from ..drawing.figures import Shown, difference_picture, panels
 from ..drawing.picture import Picture
 from ..errors import InputError
+from ..rays.surfaces import SurfaceScene
 from ..relighting.relighter import Relighter
 from ..scene.baked import scene_of
 from ..storage.manifest import LayerRecord
@@ -134,7 +135,7 @@ class Comparison:
             albedo = scene.albedo[self.rows].astype(np.float64)
             return mean * albedo, variance * albedo**2
         return path_traced_view(
-            self.receivers.surfaces, self.receivers.points,
+            SurfaceScene(scene), self.receivers.points,  # materials as they are, not as wide as the lights
             cube=cube, receivers=self.rows, samples=samples, seed=seed, report=report,
         )  # fmt: skip
 

@@ -150,36 +150,33 @@ def _disc_groups(tiles, changes, weights, places, afresh, unit_starts, units, al
     zones, addresses, words, first, present = tiles
     begins, column, start, index = changes
     soon = np.zeros((_AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
+    where, weight, unit_at = index.ctypes.data, weights.ctypes.data, units.ctypes.data
     for z in range(len(zones)):
         first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
         low, high = max(begin - first_group, 0), min(end - first_group, groups)
         for ahead in range(low, high + _AHEAD if low < high else low):
-            g = first_group + ahead - _AHEAD
+            turn, g = ahead & _AHEAD - 1, first_group + ahead - _AHEAD
             for d in range(len(places)):
-                bucket, place = d * len(zones) + z, places[d]
+                from_, to, place = begins[d * len(zones) + z], begins[d * len(zones) + z + 1], places[d]
                 if ahead >= low + _AHEAD:
-                    unit = units[place, unit_starts[g] : unit_starts[g + 1]]
                     if afresh[d]:
-                        for i in range(len(unit)):
-                            unit[i] = 0.0
+                        for i in range(unit_starts[g], unit_starts[g + 1]):
+                            units[place, i] = 0.0
                         alight[place, g] = False
+                    into = unit_at + (place * units.shape[1] + unit_starts[g]) * 8
                     for c in range(channels):
-                        into = unit.ctypes.data + c * _SUM_BYTES
-                        for n in range(begins[bucket], begins[bucket + 1]):
-                            tile, a = soon[ahead & _AHEAD - 1, c, n], start[n]
+                        for n in range(from_, to):
+                            tile, a = soon[turn, c, n], start[n]
                             if tile:
-                                where, weight = (
-                                    index.ctypes.data + a * 4,
-                                    weights.ctypes.data + a * 24 + c * 8,
-                                )
-                                _local_one(tile, where, weight, start[n + 1] - a, into)
+                                _local_one(tile, where + a * 4, weight + a * 24 + c * 8, start[n + 1] - a, into)
                                 alight[place, g] = True
+                        into += _SUM_BYTES
                 if ahead < high:
                     for c in range(channels):
-                        for n in range(begins[bucket], begins[bucket + 1]):
+                        for n in range(from_, to):
                             word = c * groups + ahead
                             tile = _tile_address(addresses, words, first, present, column[n], word)
-                            soon[ahead & _AHEAD - 1, c, n] = tile
+                            soon[turn, c, n] = tile
                             if tile:
                                 for i in range(start[n], start[n + 1]):
                                     prefetch(tile + index[i] * GROUP)

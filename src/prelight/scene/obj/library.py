@@ -10,6 +10,7 @@ from ...files import Resolver
 from ..mesh import short_name
 
 _MOST_LIBRARIES, _MOST_TEXT = 8, 8_000_000  # of all libraries of an OBJ together
+_MOST_NAMED = 32  # mtllib lines
 # Options of a map statement and the most numbers each takes; the rest of the line is the file's name.
 _OPTIONS = {
     "-blendu": 1, "-blendv": 1, "-bm": 1, "-boost": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-mm": 2,
@@ -60,7 +61,10 @@ def read_libraries(statements: list[str], resolver: Resolver, notes: list[str]) 
     found: dict[str, Entry] = {}
     done: set[str] = set()
     left = _MOST_TEXT
-    for names in statements:
+    distinct = list(dict.fromkeys(statements))
+    if len(distinct) > _MOST_NAMED:
+        notes.append(f"more than {_MOST_NAMED} lines of mtllib: the others not read")
+    for names in distinct[:_MOST_NAMED]:
         for name, text in _texts(names, resolver, left, done, notes):
             if len(done) > _MOST_LIBRARIES:
                 notes.append(f"more than {_MOST_LIBRARIES} material libraries: the others not read")

@@ -16,6 +16,7 @@ from .statements import Statements, read_statements
 from .surfaces import TextureShelf, surface_of
 
 _LARGEST_TEXT = 1_000_000_000
+_MOST_MATERIALS = 20_000
 _NAMED = 8
 
 
@@ -45,6 +46,8 @@ def read_obj(data: bytes, *, files: Resolver) -> MeshAsRead:
         raise UnreadableMesh("no faces (lines 'f' with three corners or more): a mesh is needed")
     check_counts(0, int((file.sizes - 2).sum()))
     used, material_of_face = _in_order_of_use(file.material_of)
+    if len(used) > _MOST_MATERIALS:
+        raise UnreadableMesh(f"{len(used):,} materials, at most {_MOST_MATERIALS:,} are read; join some")
     surfaces = _surfaces(file, used.tolist(), files)
     triangles, polygon = triangles_of(file.positions[file.corners[:, 0]], file.sizes, notes)
     first, vertex_of = _distinct(*file.corners.T, np.repeat(material_of_face, file.sizes))

@@ -11,7 +11,7 @@ import numpy as np
 from ..mesh import UnreadableMesh, check_counts, short_name
 from .text import HASH, NEWLINE, Lines, blocks, line_of, lines_of, parsed, plain_text, words_of
 
-_MOST_SWITCHES = 1_000_000  # usemtl and mtllib lines
+_MOST_SWITCHES = 300_000  # usemtl and mtllib lines
 _ABSENT = -1
 _SLASH = ord("/")
 
