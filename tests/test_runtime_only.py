@@ -13,6 +13,7 @@ import pytest
 from prelight.storage.bake import Bake
 
 from .disk import quick_bake
+from .zoned_bake import random_zones, write_bake
 
 BARE = """
 import sys
@@ -41,6 +42,9 @@ light = pl.Relighter(bake)
 light.environment = pl.Environment.stock("sunset").rotated(30)
 np.save("radiance.npy", light.radiance)
 light.edit(2, slice(0, 2), slice(0, 2), np.array([9.0, 9.0, 9.0]))
+from prelight.lighting.disc import Disc
+light.environment = light.environment.with_disc(Disc.at(40, 30, radius_deg=5, radiance=(9, 8, 7)))
+assert light.last.kind == "local"
 for name in ("notebook.png", "notebook.exr"):
     light.picture(width=64, height=36).save(name)
 rig = pl.Rig.open("stock:noon")
@@ -72,6 +76,16 @@ def test_a_notebook_without_the_renderer(bake, tmp_path):
     assert (tmp_path / "notebook.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "notebook.exr").read_bytes().startswith(b"v/1\x01")
     assert (tmp_path / "radiance.npy").read_bytes().startswith(b"\x93NUMPY")
+
+
+def test_pixels_without_the_renderer(tmp_path, rng):
+    """Three channels toward an eye, in two zones; light that is strong stays in its clusters."""
+    zones = random_zones(rng, 12 * 8, (3, 3), resolution=8)
+    pixels = write_bake(tmp_path / "pixels.prelight", zones, resolution=8, rows=96, picture=(12, 8))
+    code = NOTEBOOK.replace("picture(width=64, height=36)", "picture()")
+    ran = bare(code, pixels.path, folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "notebook.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_relight_without_the_renderer(bake, tmp_path):

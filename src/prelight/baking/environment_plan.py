@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float64, Int32
 from ..bases.cube_map import mean_directions, texel_directions
 from ..bases.quadtree import Nodes
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, panels_of_parcel
@@ -31,11 +30,12 @@ MOST_PARCELS = 10_000  # what the manifest of a bake can list
 _PROCESS_BYTES = 290_000_000  # Python, the renderer and its compiler, measured
 _BYTES_PER_TRIANGLE = 200  # of the renderer's tree, measured
 _BYTES_PER_ROW = 120  # of receivers and their copies
+_BYTES_PER_POINT = 200  # of a surface as an eye sees it
 _COPIES_OF_COLUMNS = 4  # of an element found, until it is written
 _PANEL_COPIES = 2.5
 _USED_SHARE = 0.9  # of the memory allowed: the figures above are measured, not guaranteed
 _PILOT_ZONES = 24
-_PILOT_RECEIVERS = 128  # of a zone, at least
+_PILOT_RECEIVERS = 160  # of a zone, at least
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,7 @@ def _cuts(layer: LayerReceivers) -> tuple[list[Cut], int]:
         ) * row + _COPIES_OF_COLUMNS * element
         kind = visibility if zone.kind == DIFFUSE else viewed
         lane, points = kind.BYTES_PER_LANE, R * (settings.pixel_samples if layer.is_picture else 1)
+        fixed += points * _BYTES_PER_POINT * (kind is viewed)
         fixed += points * (viewed.BYTES_PER_POINT if kind is viewed else 0)
         left = _USED_SHARE * memory - fixed
         if left < lane * points + 8 * node or left <= 0:
@@ -171,46 +172,31 @@ class _Speed:
 
 
 def _pilot(layer: LayerReceivers, zone: Zone, cut: Cut, rng: np.random.Generator) -> tuple[_Estimate, Nodes]:
-    """Bake a few receivers of a zone, in memory, and a quarter of them, for what more would have changed.
+    """Bake a few receivers of a zone, in memory.
 
-    A mean over few receivers is uncertain, which splits nodes that the mean over all would not: measured, the
-    excess goes as one over the square root of their number.
+    A mean over few receivers is uncertain, which splits some nodes that the mean over all would not.
     """
     R = len(zone.rows)
-    share = max(1000, min(2000, layer.count // 40)) // len(layer.zones)
+    share = max(1000, min(3000, layer.count // 25)) // len(layer.zones)
     pilot = min(R, max(share, _PILOT_RECEIVERS))
     edges = np.linspace(0, R, pilot + 1).astype(np.int64)
     chosen = rng.integers(edges[:-1], edges[1:])  # one from each stretch of the order: neighbours see alike
-    leaves, figures = _walked(layer, zone, cut, zone.rows[chosen])
-    if pilot < R:
-        quarter = chosen[np.minimum(np.arange(0, pilot, 4) + rng.integers(4, size=-(-pilot // 4)), pilot - 1)]
-        _, fewer = _walked(layer, zone, cut, zone.rows[quarter])
-        excess = (pilot**-0.5 - R**-0.5) / (len(quarter) ** -0.5 - pilot**-0.5)
-        figures = np.maximum(figures - excess * np.maximum(fewer - figures, 0), 0.5 * figures)
-    clusters, rays, lanes, nodes = figures.tolist()
-    panels = -(-clusters // PANEL)
-    groups = zone.groups * zone.channels
-    tiles = _tile_share(layer, zone, leaves, rng) * -(-clusters // TILE) * groups
-    size = tiles * TILE * GROUP + panels * (2 * groups + (20 + 4 * zone.channels) * PANEL)
-    return _Estimate(clusters, rays * R, lanes * R, nodes, size), leaves
-
-
-def _walked(
-    layer: LayerReceivers, zone: Zone, cut: Cut, rows: Int32[np.ndarray, "some"]
-) -> tuple[Nodes, Float64[np.ndarray, "4"]]:
-    """Leaves for some receivers of a zone, and how many; rays and receiver-directions of one; nodes tested."""
     leaves, rays, lanes, nodes = [], 0, 0, 0
     for group, progress in cluster_lights(
-        layer.transfer(zone, rows),
+        layer.transfer(zone, zone.rows[chosen]),
         layer.settings.test_for(layer.count),
         covered=np.zeros((0, 5), np.int32),
-        block=max(cut.block, min(4096, cut.block * len(zone.rows) // len(rows))),
+        block=max(cut.block, min(4096, cut.block * R // pilot)),
         lanes=cut.lanes,
     ):
         leaves.append(group.leaves)
         rays, lanes, nodes = progress.rays, progress.lanes, progress.nodes_tested
     found = np.concatenate(leaves)
-    return found, np.array([len(found), rays / len(rows), lanes / len(rows), nodes])
+    panels = -(-len(found) // PANEL)
+    groups = zone.groups * zone.channels
+    tiles = _tile_share(layer, zone, found, rng) * -(-len(found) // TILE) * groups
+    size = tiles * TILE * GROUP + panels * (2 * groups + (20 + 4 * zone.channels) * PANEL)
+    return _Estimate(len(found), rays * R / pilot, lanes * R / pilot, nodes, size), found
 
 
 def _like(zone: Zone, zones: list[Zone], known: dict[int, _Estimate]) -> _Estimate:

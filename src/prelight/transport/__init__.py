@@ -1,5 +1,7 @@
 """Rays to T: who sees which light, and how much of it arrives. Takes directions and arrays, never lights.
 
 ``ordering`` puts receivers so that neighbours trace alike, ``visibility`` traces tiles of receivers ×
-directions, ``direct`` makes transfer vectors of what was seen, ``exact`` integrates without clusters.
+directions, ``direct`` makes transfer vectors of what was seen. ``eye`` finds what a camera sees and ``viewed``
+makes transfer vectors toward it, of any BSDF; both answer to ``transfer``. ``exact`` integrates without
+clusters, and ``path_tracing`` is the reference that is none of ours.
 """
