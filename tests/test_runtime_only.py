@@ -42,8 +42,7 @@ light = pl.Relighter(bake)
 light.environment = pl.Environment.stock("sunset").rotated(30)
 np.save("radiance.npy", light.radiance)
 light.edit(2, slice(0, 2), slice(0, 2), np.array([9.0, 9.0, 9.0]))
-from prelight.lighting.disc import Disc
-light.environment = light.environment.with_disc(Disc.at(40, 30, radius_deg=5, radiance=(9, 8, 7)))
+light.environment = light.environment.with_disc(pl.Disc.at(40, 30, radius_deg=5, radiance=(9, 8, 7)))
 assert light.last.kind == "local"
 for name in ("notebook.png", "notebook.exr"):
     light.picture(width=64, height=36).save(name)

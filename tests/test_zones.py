@@ -20,11 +20,13 @@ from prelight.baking.zones import DARK, DIFFUSE, VIEWED, Zone, divide, sort_of
 from prelight.bases.cube_map import solid_angles, texel_directions
 from prelight.bases.quadtree import LeafCover, sample_texels
 from prelight.camera import Camera
+from prelight.cli.main import run
 from prelight.encoding.sparse_tiles import decode_panel, panels_of_parcel
 from prelight.errors import InputError
 from prelight.material import Material
 from prelight.scene.geometry import Scene
 from prelight.storage.bake import Bake
+from prelight.transport.exact import integrate
 from prelight.transport.ordering import receiver_order
 
 from .disk import quick_bake, tree
@@ -34,11 +36,14 @@ LAYER = "layers/environment"
 EYE = Camera((2.0, 2.0, 2.0), (0.0, 0.4, 0.0))
 
 
-def glossy_ball(*, side: int = 17, rings: int = 10) -> Scene:
+def glossy_ball(*, side: int = 17, rings: int = 10, roughness: float = 0.5) -> Scene:
     """A glossy ball on a Lambertian floor, with an eye."""
     scene = ball_on_floor(side=side, rings=rings)
     material_of = (scene.triangles.max(axis=1) < 2 * rings * rings).astype(np.int32)
-    materials = (Material("floor"), Material("ball", colour=(0.6, 0.3, 0.1), roughness=0.5, specular=1.0))
+    materials = (
+        Material("floor"),
+        Material("ball", colour=(0.6, 0.3, 0.1), roughness=roughness, specular=1.0),
+    )
     return replace(scene, materials=materials, material_of=material_of, cameras={"a": EYE})
 
 
@@ -161,6 +166,58 @@ def test_glossy_vertices_have_a_zone_of_their_own_under_an_eye(tmp_path):
     assert record.parameters["receivers"] == "vertices"
 
 
+def walked(layer: LayerReceivers, zone: Zone, cube: np.ndarray) -> tuple[np.ndarray, int]:
+    """Radiance of a zone's rows under a map, and how many bytes its clusters are."""
+    light = cube * solid_angles(cube.shape[1])[..., None]
+    B, size = np.zeros((len(zone.rows), 3)), 0
+    test = layer.settings.test_for(layer.count)
+    covered = np.zeros((0, 5), np.int32)
+    for group, _ in cluster_lights(layer.transfer(zone), test, covered=covered, block=512, lanes=1 << 22):
+        if not len(group.leaves):
+            continue
+        l = np.array([light[f, i : i + h, j : j + w].sum(axis=(0, 1)) for f, i, j, h, w in group.leaves])
+        T = np.broadcast_to(group.columns * group.scale[:, :, None], (len(l), 3, len(zone.rows)))
+        B += np.einsum("kc,kcr->rc", l, T)
+        size += group.columns.size
+    return B * (layer.scene.albedo[zone.rows] if zone.channels == 1 else 1), size
+
+
+def test_a_glossy_object_among_diffuse_ones_is_right_at_its_highlight():
+    """One cut for all, as in the paper, and zones of each sort of as many bytes, by exact integration."""
+    scene = glossy_ball(side=65, rings=16, roughness=0.25)
+    coarse, layer = (
+        LayerReceivers(scene, EnvironmentSettings(resolution=32, tolerance=tolerance, camera="a"))
+        for tolerance in (0.03, 0.0135)
+    )
+    everything = Zone(receiver_order(scene.positions, scene.normals), VIEWED, 3)
+    d = texel_directions(np.arange(6 * 32**2), 32)
+    cube = np.full((6 * 32**2, 3), 0.3, np.float32)
+    for centre, degrees in (((-0.3, 0.8, -0.2), 6), ((0.8, 0.4, -0.5), 4), ((0.1, 0.9, 0.5), 8)):
+        lit = d @ (np.array(centre) / np.linalg.norm(centre)) > np.cos(np.radians(degrees))
+        assert lit.sum() > 3
+        cube[lit] += 180 / degrees
+    cube = cube.reshape(6, 32, 32, 3)
+
+    exact = np.empty((layer.count, 3))
+    exact[everything.rows] = integrate(layer.transfer(everything), cube)
+    one, zoned = np.empty_like(exact), np.empty_like(exact)
+    one[everything.rows], bytes_of_one = walked(coarse, everything, cube)
+    sizes = []
+    for zone in layer.zones:
+        zoned[zone.rows], size = walked(layer, zone, cube)
+        sizes.append(size)
+    ball = np.flatnonzero(scene.material_of_vertex)
+    brightness = exact[ball].sum(axis=1)
+    highlight = ball[brightness >= np.quantile(brightness, 0.95)]
+
+    def error(found: np.ndarray) -> float:
+        return float(np.sqrt(((found - exact)[highlight] ** 2).sum() / (exact[highlight] ** 2).sum()))
+
+    assert sum(sizes) < 1.05 * bytes_of_one
+    assert error(one) > 0.05
+    assert error(zoned) < 0.2 * error(one)
+
+
 def test_without_an_eye_all_is_diffuse_and_without_gloss_an_eye_is_nothing(tmp_path):
     free = bake_environment(glossy_ball(), tmp_path / "free.prelight", resolution=4)
     assert free.layers["environment"].camera is None
@@ -266,6 +323,28 @@ def test_parts_are_compact():
 )
 def test_sorts_of_material(material, sort):
     assert sort_of(material) == sort
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--zones", "0"], "zones: 0, expected a whole number from 1 to 4096"),
+        (["--zones", "5000"], "zones: 5000"),
+        (["--zones", "1.5"], "--zones"),
+        (["--receivers", "faces"], "vertices or pixels"),
+        (["--receivers", "pixels"], "camera: none given"),
+        (["--receivers", "pixels", "--camera", "b"], "is not in sculpture"),
+        (["--receivers", "pixels", "--camera", "front", "--size", "9000x3"], "width: 9000"),
+        (["--receivers", "pixels", "--camera", "front", "--pixel-samples", "5"], "square number"),
+    ],
+    ids=str,
+)
+def test_nonsense_on_the_command_line_is_one_line(options, words, capsys):
+    assert run(["bake", "environment", "stock:sculpture", "--dry-run", *options]) == 2
+    out, err = capsys.readouterr()
+    assert not out
+    assert err.count("\n") == 1
+    assert words in err
 
 
 def test_a_camera_that_is_not_there_is_refused(tmp_path):

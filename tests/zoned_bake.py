@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,10 @@ from prelight.bases.cube_map import solid_angles
 from prelight.bases.quadtree import roots, split
 from prelight.camera import Camera
 from prelight.encoding.sparse_tiles import GROUP, PANEL, TILE, encode_panel, groups_of, panels_of_parcel
+from prelight.lighting.disc import Disc
 from prelight.material import Material
+from prelight.relighting.environment import EnvironmentRelighter
+from prelight.relighting.layer import EnvironmentLayer
 from prelight.storage.bake import Bake
 from prelight.storage.chunks import ArraySpec, chunk_key, encode
 from prelight.storage.manifest import (
@@ -185,3 +189,55 @@ def plainly(bake: Bake, zones: list[RandomZone], cube: np.ndarray, *, rows: int)
             B *= bake.receivers.albedo[zone.rows]
         radiance[zone.rows] = B
     return radiance
+
+
+R, ROWS = 13, 331  # odd, so that nodes split unevenly; eleven groups, the last not full
+PICTURE = (20, 12)
+CHANNELS = {"one": (1,), "viewed": (3,), "several": (1, 3, 1, 1, 3, 1), "pixels": (3, 3)}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A bake, what is in it, and its layer opened."""
+
+    bake: Bake
+    zones: list[RandomZone]
+    layer: EnvironmentLayer
+    rows: int = ROWS
+
+    def relighter(self) -> EnvironmentRelighter:
+        albedo = None if self.layer.picture_size else self.bake.receivers.albedo
+        return EnvironmentRelighter(self.layer, albedo)
+
+    def plainly(self, cube: np.ndarray) -> np.ndarray:
+        return plainly(self.bake, self.zones, cube, rows=self.rows)
+
+
+def make_sample(folder: Path, kind: str) -> Sample:
+    """Zones of the channels that ``CHANNELS`` says, at a resolution of ``R``."""
+    picture = PICTURE if kind == "pixels" else None
+    rows = math.prod(PICTURE) if picture else ROWS
+    zones = random_zones(np.random.default_rng(7), rows, CHANNELS[kind], resolution=R)
+    bake = write_bake(folder, zones, resolution=R, rows=rows, picture=picture)
+    return Sample(bake, zones, EnvironmentLayer(bake), rows)
+
+
+def hdr(rng: np.random.Generator) -> np.ndarray:
+    """A cube of random light over a wide range."""
+    return (rng.random((6, R, R, 3)) ** 6 * 50).astype(np.float32)
+
+
+def assert_like(found: np.ndarray, expected: np.ndarray, *, within: float = 1e-6) -> None:
+    """Alike, to a share of the largest value expected."""
+    assert np.isfinite(expected).all()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=within * expected.max())
+
+
+def discs_at(step: float, brightness: float) -> list[Disc]:
+    """Four discs, of all sizes and edges, further on and brighter."""
+    return [
+        Disc.at(10 + step, 5, radius_deg=11, radiance=(brightness, 0.5, 0), softness=0.4),
+        Disc.at(93 + 2 * step, -60, radius_deg=25, radiance=(0, brightness, 2)),
+        Disc.at(-100, 40 + step, radius_deg=0.5, radiance=(90, 80, 60 * brightness), softness=1.0),
+        Disc.at(180, 0, radius_deg=80, radiance=(0.1, 0.1, 0.3), softness=0.7),
+    ]

@@ -14,7 +14,7 @@ from prelight.transport.exact import integrate_exactly
 from scenes import baked, maps, relative, scan
 
 R = 256
-EPSILONS = (2.5e-5, 5e-5, 1e-4, 2.5e-4)
+EPSILONS = (4e-5, 5e-5, 7e-5, 1e-4, 2.5e-4)
 RECEIVERS = 1000
 
 

@@ -62,7 +62,7 @@ class _SampleStore:
         self._places = np.zeros(0, np.int32)  # of each in the pool
         self._rays = np.zeros(capacity, np.int32)  # by place
         self._free = np.arange(capacity, dtype=np.int32)  # ascending
-        self.rows: np.ndarray | None = None
+        self.rows = np.empty((0, 0), np.uint8)  # what rows are is known with the first
         self.lanes_traced = 0
 
     def places_of(self, texels: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ class _SampleStore:
         return np.where(texels >= 0, places, -1).astype(np.int32)
 
     def _insert(self, texels: np.ndarray, rows: np.ndarray, rays: np.ndarray) -> None:
-        if self.rows is None:
+        if not len(self.rows):
             self.rows = np.empty((len(self._rays), *rows.shape[1:]), rows.dtype)
         if (lacking := len(texels) - len(self._free)) > 0:
             size = len(self._rays)

@@ -120,7 +120,7 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
 
 def _parcel(zone: Zone) -> int:
     """Clusters of a parcel."""
-    return PANEL * panels_of_parcel(zone.groups, zone.channels)
+    return PANEL * int(panels_of_parcel(zone.groups, zone.channels))
 
 
 def _cuts(layer: LayerReceivers) -> tuple[list[Cut], int]:

@@ -56,7 +56,7 @@ class LayerWriter:
 
     def _bake_after(self, z: int, zone: Zone, cover: LeafCover) -> None:
         """Cluster the lights of a zone after those that earlier parcels cover, and write parcels."""
-        cut, size = self.plan.cuts[z], panels_of_parcel(zone.groups, zone.channels) * PANEL
+        cut, size = self.plan.cuts[z], int(panels_of_parcel(zone.groups, zone.channels)) * PANEL
         found = cluster_lights(
             self.receivers.transfer(zone), self.test, covered=cover.leaves, block=cut.block, lanes=cut.lanes
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -23,7 +23,8 @@ def relight(
     scale: float = 1.0,
     tint: str = "1,1,1",
     camera: str | None = None,
-    size: str = "1280x720",
+    size: str | None = None,
+    strong_lights: str = "rays",
     background: str = "environment",
     exposure: str = "auto",
     curve: str = "filmic",
@@ -56,7 +57,10 @@ def relight(
     camera
         The name of a camera in the bake, or a JSON file with eye, target, up and vertical_fov_deg.
     size
-        Width and height of the picture.
+        Width and height of the picture; 1280x720 if not given. Pixel layers have their own and no other.
+    strong_lights
+        How the few lights that carry much of the energy (a sun) are lit: rays traces their shadows exactly, which
+        takes a moment where they moved; clusters leaves them to the bake, as fast and as true as the rest.
     background
         environment (the map behind the scene), none (black), or a linear colour such as 0.1,0.1,0.12.
     exposure
@@ -74,7 +78,9 @@ def relight(
         if output.suffix.lower() not in (".png", ".exr", ".npy"):
             raise InputError(output, "expected a name ending in .png, .exr or .npy")
         refuse_existing(output, force=force)
-    width, height = arguments.picture_size(size)
+    width, height = (None, None) if size is None else arguments.picture_size(size)
+    if strong_lights not in ("rays", "clusters"):
+        raise InputError("--strong-lights", f"{strong_lights!r}, expected rays or clusters")
     metered, stops = arguments.exposure(exposure)
     behind = _background(background)
 
@@ -82,7 +88,7 @@ def relight(
         from ..lighting.rig import Rig
         from ..relighting.relighter import Relighter
 
-        light = Relighter(bake)
+        light = Relighter(bake, trace_strong=strong_lights == "rays")
         eye = arguments.camera_of(light, camera)
         environment = Rig.open(rig, layout=layout).environment
         environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
@@ -90,18 +96,23 @@ def relight(
         light.environment = environment
         resampled = (time.perf_counter() - started) * 1e3 - light.last.milliseconds
         light.refresh()
+        started = time.perf_counter()
+        radiance = light.radiance
+        traced = (time.perf_counter() - started) * 1e3 if len(light.strong_lights) else 0.0
     figures = {
         "milliseconds": light.last.milliseconds,
         "bytes_read": light.last.bytes_read,
         "resample_milliseconds": resampled,
         "clusters": light.last.clusters,
-        "receivers": len(light.bake.receivers),
+        "strong_lights": len(light.strong_lights),
+        "strong_milliseconds": traced,
+        "receivers": len(radiance),
         "output": None if output is None else str(output),
     }
     if output is not None and output.suffix.lower() == ".npy":
         from ..images.formats import write_npy
 
-        write_npy(output, light.radiance)
+        write_npy(output, radiance)
     elif output is not None:
         picture = light.picture(eye, width=width, height=height, background=behind)
         stops += picture.stops("auto") if metered else 0.0
@@ -110,12 +121,25 @@ def relight(
     if json:
         printing.say_json(figures)
         return
-    printing.say(
+    _say(figures)
+
+
+def _say(figures: dict[str, Any]) -> None:
+    """The figures in words."""
+    lights = figures["strong_lights"]
+    words = [
         f"relit {figures['receivers']:,} receivers in {figures['milliseconds']:.1f} ms "
-        f"({printing.size(figures['bytes_read'])} read; the map was resampled in {resampled:.0f} ms)"
-        + (f"\n{output}" if output is not None else "")
-        + (f", exposure {stops:+.2f} stops" if output is not None and output.suffix.lower() == ".png" else "")
-    )
+        f"({printing.size(figures['bytes_read'])} read; the map was resampled in "
+        f"{figures['resample_milliseconds']:.0f} ms)"
+    ]
+    if lights:
+        which = "1 strong light" if lights == 1 else f"{lights} strong lights"
+        words.append(f"{which} traced by rays in {figures['strong_milliseconds']:.0f} ms")
+    if figures["output"] is not None:
+        stops = figures.get("exposure_stops")
+        shown = f", exposure {stops:+.2f} stops" if figures["output"].lower().endswith(".png") else ""
+        words.append(figures["output"] + shown)
+    printing.say("\n".join(words))
 
 
 def _background(text: str) -> str | tuple[float, float, float] | None:

@@ -211,9 +211,10 @@ class SurfaceScene:
             return table
         if kind in _WITH_WIDTH:
             return table | {"type": _WITH_WIDTH[kind], "alpha": self._least}
-        for name, least in _WIDTHS:
-            if isinstance(table.get(name), int | float):
-                table[name] = max(table[name], self._least**least)
+        for name, power in _WIDTHS:
+            width = table.get(name)
+            if isinstance(width, int | float):
+                table[name] = max(float(width), self._least**power)
         return table
 
     def _channel(self, texture: Texture, channel: int, factor: float, least: float) -> Any:

@@ -168,7 +168,9 @@ def _disc_groups(tiles, changes, weights, places, afresh, unit_starts, units, al
                         for n in range(from_, to):
                             tile, a = soon[turn, c, n], start[n]
                             if tile:
-                                _local_one(tile, where + a * 4, weight + a * 24 + c * 8, start[n + 1] - a, into)
+                                _local_one(
+                                    tile, where + a * 4, weight + a * 24 + c * 8, start[n + 1] - a, into
+                                )
                                 alight[place, g] = True
                         into += _SUM_BYTES
                 if ahead < high:

@@ -32,7 +32,9 @@ def environment_problem(
         return f"array layers/{name}/zones is not four int32 for each of at most {MOST_ZONES} zones"
     most = rows + (_GROUP - 1) * zones.shape[0]
     if order is None or order.dtype != "int32" or len(order.shape) != 1 or not rows <= order.shape[0] <= most:
-        return f"array layers/{name}/order is not one int32 for each of {rows} receivers, in groups of {_GROUP}"
+        return (
+            f"array layers/{name}/order is not one int32 for each of {rows} receivers, in groups of {_GROUP}"
+        )
     if order.shape[0] % _GROUP:
         return f"array layers/{name}/order is not whole groups of {_GROUP}"
     return _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
@@ -41,12 +43,12 @@ def environment_problem(
 def _rows(said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> int | None:
     if said.get("receivers") == "vertices":
         return arrays["scene/positions"].shape[0]
-    sides = [said.get(side) for side in ("width", "height")]
     if said.get("receivers") != "pixels" or not _is_number(said.get("samples"), 64):
         return None
-    if not all(type(side) is int and 1 <= side <= _MOST_PIXELS for side in sides):
+    width, height = said.get("width"), said.get("height")
+    if type(width) is not int or type(height) is not int:
         return None
-    return sides[0] * sides[1]
+    return width * height if 1 <= width <= _MOST_PIXELS and 1 <= height <= _MOST_PIXELS else None
 
 
 def _parcel_problem(
@@ -59,8 +61,8 @@ def _parcel_problem(
     clusters = 0
     for q in range(parcels):
         parts = ("rectangles", "scales", "present", "tiles")
-        found = [arrays.get(f"{at}/{part}/{q:05d}") for part in parts]
-        if None in found or [spec.dtype for spec in found] != ["int32", "float32", "uint16", "uint8"]:
+        found = [spec for part in parts if (spec := arrays.get(f"{at}/{part}/{q:05d}"))]
+        if [spec.dtype for spec in found] != ["int32", "float32", "uint16", "uint8"]:
             return f"parcel {q} of {at} is not rectangles, scales, present and tiles of their types"
         rectangles, scales, present, tiles = (spec.shape for spec in found)
         clusters += rectangles[0]

@@ -91,8 +91,8 @@ class ViewedTransfer:
         import drjit as dr
 
         mi = self._mi
-        d = mi.Vector3f(*(mi.Float(np.ascontiguousarray(x)) for x in directions.T))
-        dr.make_opaque(d)  # of a single direction it would be part of the program
+        listed = np.concatenate([directions, directions[:1]])  # one alone would be part of the program
+        d = mi.Vector3f(*(mi.Float(np.ascontiguousarray(x)) for x in listed.T))
         points = self.receivers * self.samples
         count = dr.opaque(mi.UInt32, points)
         lane = dr.arange(mi.UInt32, points * len(directions))
@@ -104,8 +104,9 @@ class ViewedTransfer:
         wo = si.to_local(d_j)
         f = dr.gather(mi.BSDFPtr, self._bsdf, i).eval(mi.BSDFContext(), si, wo, answers)  # with the cosine
         f = dr.select(dr.isfinite(f), f, 0)
-        asked = answers & ((f.x > 0) | (f.y > 0) | (f.z > 0))
         lift = dr.mulsign(dr.gather(mi.Vector3f, self._lift, i), wo.z)
+        # Where a smoothed normal sees light that the triangle's own does not, the triangle is in the way.
+        asked = answers & ((f.x > 0) | (f.y > 0) | (f.z > 0)) & (dr.dot(lift, d_j) > 0)
         blocked = self._scene.ray_test(mi.Ray3f(si.p + lift, d_j), active=asked)
         T = dr.select(asked & ~blocked, f * dr.opaque(mi.Float, 1 / self.samples), 0)
         traced = dr.select(asked, mi.UInt32(1), mi.UInt32(0))
