@@ -133,11 +133,14 @@ def test_rectangles_of_every_zone_are_a_tree(several, tmp_path, zone):
     good = several.bake.array(name)
     outside = good.copy()
     outside[-1, 1] += R
+    elsewhere = good.copy()
+    elsewhere[elsewhere[:, 0] == 1, 0] = 2
     for wrong in (
         good[::-1],
         np.roll(good, 1, axis=0),
         good[[1, 0, *range(2, len(good))]],
         outside,
+        elsewhere,
         0 * good,
     ):
         with pytest.raises(DamagedBakeError, match=f"zone {zone}"):

@@ -106,13 +106,25 @@ def test_brightening_a_disc_reads_no_transfer(several):
     assert live.set_discs([Disc.at(12, 5, radius_deg=11, radiance=(3, 3, 3))]).bytes_read > 0
 
 
-def test_discs_come_and_go_without_a_trace(several, rng):
+def test_discs_moved_step_by_step_do_not_drift(several, rng):
+    """Small steps read what changed alone; in the end all is as if painted, and without discs as before."""
     live, cube = several.relighter(), hdr(rng) * np.float32(1e-3)
     live.set_cube(cube)
     for step in range(200):
         live.set_discs(discs_at(step / 5, float(10 ** rng.uniform(-3, 3))))
+    last = discs_at(40, 2)
+    live.set_discs(last)
+    painted = cube.copy()
+    add_discs(painted, last)
+    assert_like(live.radiance, several.plainly(painted))
     live.set_discs([])
     assert_like(live.radiance, several.plainly(cube))
+    wide = [Disc.at(k / 50, 0, radius_deg=80, radiance=(1, 1, 1)) for k in range(2)]
+    first, second = (live.set_discs([disc]) for disc in wide)
+    assert second.bytes_read < first.bytes_read
+    painted = cube.copy()
+    add_discs(painted, wide[1:])
+    assert_like(live.radiance, several.plainly(painted))
 
 
 @pytest.mark.parametrize("softness", [0.0, 0.3, 1.0])

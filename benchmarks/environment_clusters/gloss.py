@@ -80,7 +80,7 @@ def pixels(data: Path, work: Path) -> dict:
     scene = pl.load_scene("stock:still-life")
     path = work / "still-life-pixels.prelight"
     found, figures = baked(
-        scene, path, resolution=R, tolerance=0.0135, receivers="pixels", camera="front", width=256, height=144
+        scene, path, resolution=64, tolerance=0.02, receivers="pixels", camera="front", width=256, height=144
     )
     light = pl.Relighter(found)
     result: dict = figures | {"maps": {}}

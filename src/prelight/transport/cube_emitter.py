@@ -10,6 +10,8 @@ import numpy as np
 from ..arrays import CubeMap
 from ..bases import cube_map
 
+_FAR = 1e9  # metres, beyond any scene: an emitter written in Python is not told the size of its scene
+
 
 def cube_emitter(mi: ModuleType, cube: CubeMap) -> Any:
     """A cube map as an infinite emitter, radiance constant over each texel."""
@@ -26,14 +28,10 @@ def cube_emitter(mi: ModuleType, cube: CubeMap) -> Any:
             self.texels = mi.DiscreteDistribution(mi.Float(power))
             self.radiance = [mi.Float(np.ascontiguousarray(cube[..., c].ravel())) for c in range(3)]
             self.axes = [self._vectors(table) for table in (cube_map.AXIS, cube_map.U, cube_map.V)]
-            self.radius = mi.Float(1.0)
 
         @staticmethod
         def _vectors(table: np.ndarray) -> Any:
             return mi.Vector3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in table.T))
-
-        def set_scene(self, scene: Any) -> None:
-            self.radius = dr.maximum(1e-3, scene.bbox().bounding_sphere().radius) * 4
 
         def _lookup(self, d: Any, active: Any) -> tuple[Any, Any, Any]:
             """Texel, u and v of a direction."""
@@ -67,7 +65,7 @@ def cube_emitter(mi: ModuleType, cube: CubeMap) -> Any:
             axis, right, down = (dr.gather(mi.Vector3f, table, face, active) for table in self.axes)
             ds = mi.DirectionSample3f()
             ds.d = dr.normalize(axis + u * right + v * down)
-            ds.dist = 2 * self.radius
+            ds.dist = mi.Float(_FAR)
             ds.p = it.p + ds.d * ds.dist
             ds.n = -ds.d
             ds.uv, ds.time, ds.delta, ds.emitter = sample, it.time, False, mi.EmitterPtr(self)
