@@ -73,7 +73,7 @@ def test_a_bake_from_end_to_end(prelight, workshop, tmp_path):
     assert plan.keys() >= {"rays", "seconds", "memory", "bytes", "receivers", "clusters"}
     assert not list(tmp_path.iterdir())
     made = one_object(prelight("bake", "environment", mesh, "-o", target, *options))
-    assert one_object(prelight("inspect", target, "--json")) == made
+    assert one_object(prelight("inspect", target, "--json")) == made | {"pictures": []}
     (layer,) = made["layers"]
     assert layer.keys() >= {"kind", "basis_lights", "coefficients", "bytes", "seconds", "rays", "parameters"}
     assert plan["receivers"] == made["receivers"] == 86 + 193**2
@@ -103,7 +103,7 @@ def test_words_for_people(prelight, workshop, tmp_path):
     bake = workshop / "ball.prelight"
     said = prelight("inspect", bake)
     assert (said.code, said.err) == (0, "")
-    for word in ("86 receivers", "326 clusters", "(6×9²)", "tolerance  0.015", "loses"):
+    for word in ("86 vertices", "619 clusters", "(6×9²)", "tolerance  0.015", "loses"):
         assert word in said.out
     said = prelight("verify", bake)
     assert "whole; 14 chunks" in said.out

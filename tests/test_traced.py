@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from prelight.baking.environment import bake_environment
+from prelight.camera import Camera
+from prelight.checking.against import Comparison
 from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
+from prelight.material import Material
 from prelight.relighting.relighter import Relighter
 from prelight.transport.exact import integrate_exactly
 
@@ -110,3 +115,20 @@ def test_off_is_exactly_nothing(coarse):
     light = lit(coarse, Environment.from_cube(sunny()), trace_strong=True)
     light.environment = Environment.constant((0.0, 0.0, 0.0))
     assert not light.radiance.any()
+
+
+def test_under_a_fixed_eye(tmp_path):
+    """What an eye sees of a lacquered ball: the sun's highlight and shadow by the renderer's BSDF."""
+    ball = ball_on_floor()
+    lacquer = Material("lacquer", roughness=0.4, specular=1.0)
+    scene = replace(ball, materials=(lacquer,), cameras={"front": Camera.framing(ball.positions)})
+    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=16, tolerance=0.06, camera="front")
+    cube = np.full((6, 16, 16, 3), 0.05, np.float32)
+    cube[2, 5, 10] = (200.0, 180.0, 150.0)
+    environment = Environment.from_cube(cube)
+    errors = {}
+    for traced in (True, False):
+        light = lit(bake, environment, trace_strong=traced)
+        errors[traced] = Comparison(light, count=0).run(samples=None)["relative_rms"]
+    assert errors[False] > 0.05
+    assert errors[True] < 0.01

@@ -78,7 +78,7 @@ def make_workshop(folder: Path) -> Path:
     (folder / "ball.ply").write_bytes(
         ply(rows, ["3 " + " ".join(map(str, t)) for t in good.triangles.tolist()])
     )
-    quick_bake(folder / "ball.prelight", zones=1)
+    quick_bake(folder / "ball.prelight")
     _write_maps(folder)
     eye = {"eye": [2, 2, 2], "target": [0, 0, 0]}
     cameras = {

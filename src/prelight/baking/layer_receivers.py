@@ -10,6 +10,7 @@ from ..arrays import Int32, Normals, Positions
 from ..rays.mitsuba import Occluders
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
+from ..scene.mesh import short_name
 from ..transport.direct import DiffuseTransfer
 from ..transport.eye import SeenPoints, seen_points, vertex_points
 from ..transport.transfer import DarkTransfer, Transfer
@@ -66,6 +67,21 @@ class LayerReceivers:
     def surfaces(self) -> SurfaceScene:
         """What the scene is made of, highlights no narrower than the lights."""
         return SurfaceScene(self.scene, resolution=self.settings.resolution)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a fixed eye sees otherwise than the materials say, one line each."""
+        if self.eye is None:
+            return ()
+        notes = []
+        if wide := self.surfaces.widened:
+            names = ", ".join(short_name(name) for name in wide[:4]) + (", …" if len(wide) > 4 else "")
+            notes.append(f"highlights narrower than the texels of the light widened to them: {names}")
+        if share := self.points.share_on(self.scene, self.surfaces.delta):
+            notes.append(
+                f"smooth glass or mirror, which direct light does not reach: {share:.1%} of what is seen"
+            )
+        return tuple(notes)
 
     @cached_property
     def points(self) -> SeenPoints:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -144,7 +144,7 @@ class LayerWriter:
             format=FORMAT,
             version=VERSION,
             settings=identity(self.receivers),
-            scene=_scene_record(scene),
+            scene=_scene_record(scene, self.receivers.notes),
             layers={"environment": self._layer_record(found[:, 0])},
             arrays=self.arrays,
             chunks=self.chunks,
@@ -226,12 +226,12 @@ def software() -> dict[str, str]:
     return {name: installed(name) for name in names} | {"machine": platform.machine()}
 
 
-def _scene_record(scene: Scene) -> SceneRecord:
+def _scene_record(scene: Scene, notes: Sequence[str]) -> SceneRecord:
     return SceneRecord(
         name=scene.name,
         digest=scene.digest,
         cameras=[CameraRecord(name=n, view=_plain(c.to_dict())) for n, c in scene.cameras.items()],
-        notes=list(scene.notes),
+        notes=[*scene.notes, *notes],
         materials=[_plain(material.to_dict()) for material in scene.materials],
     )
 

@@ -12,8 +12,7 @@ from ..arrays import CubeMap, Float64, Int32, Radiance
 from ..baking.environment_settings import PIXELS, EnvironmentSettings
 from ..baking.layer_receivers import LayerReceivers
 from ..camera import Camera
-from ..drawing.figures import Shown, difference_picture, panels
-from ..drawing.picture import Picture
+from ..drawing.figures import Shown, difference_picture, enlarged, panels, readable_factor
 from ..errors import InputError
 from ..rays.surfaces import SurfaceScene
 from ..relighting.relighter import Relighter
@@ -24,6 +23,7 @@ from ..transport.path_tracing import path_traced_radiance, path_traced_view
 from .comparison import compare
 
 Share = Callable[[float], None]
+_PANEL = 320  # pixels, that small pictures are enlarged to
 _ALLOWED = 0.01  # of the largest reference: what a bake may lose before a value counts as rejected
 
 
@@ -71,6 +71,7 @@ class Comparison:
             possible = np.random.default_rng([seed, 11]).choice(possible, count, replace=False)
         self.rows: Int32[np.ndarray, "chosen"] = np.sort(possible).astype(np.int32)
         self.reference: Radiance | None = None
+        self.made_by = "reference"
 
     def choose_seen(self, camera: Camera, *, width: int, height: int) -> None:
         """All receivers that count in a picture: the corners of triangles that the camera sees; all pixels."""
@@ -92,6 +93,7 @@ class Comparison:
             reference, variance = self._traced(cube, samples, seed, report)
         seconds = time.perf_counter() - started
         self.reference = reference.astype(np.float32)
+        self.made_by = "exact integration" if samples is None else f"path tracer, {samples:,} samples"
         mine = self.light.radiance[self.rows]
         tolerance = _ALLOWED * float(reference.max())
         figures = compare(mine, reference, variance, tolerance=tolerance)
@@ -147,25 +149,14 @@ class Comparison:
         assert self.reference is not None
         truth = self.light.radiance.copy()
         truth[self.rows] = self.reference
-        ours = self.light.picture_of(self.light.radiance, camera, width=width, height=height)
-        theirs = self.light.picture_of(truth, camera, width=width, height=height)
+        ours, theirs = (
+            self.light.picture_of(radiance, camera, width=width, height=height)
+            for radiance in (self.light.radiance, truth)
+        )
         stops = theirs.stops("auto")
         white = 2.0**-stops
-        factor = emphasis or _round_factor(white, np.abs(ours.linear - theirs.linear).max(axis=2))
-        difference = difference_picture(ours.linear, theirs.linear, factor=factor, white=white)
-        shown = [self._shown(picture, stops) for picture in (ours, theirs)]
-        return panels([*shown, difference], ["baked and relit", "reference", "difference"])
-
-    @staticmethod
-    def _shown(picture: Picture, stops: float) -> Shown:
-        return picture.display(exposure=stops)
-
-
-def _round_factor(white: float, difference: np.ndarray) -> float:
-    """1, 2 or 5 times a power of ten, that takes the large differences to the end of the scale."""
-    seen = difference[difference > 0]
-    if not seen.size:
-        return 1.0
-    exact = float(np.clip(white / np.percentile(seen, 99.8), 1.0, 1000.0))
-    decade = 10.0 ** np.floor(np.log10(exact))
-    return float(max(step * decade for step in (1, 2, 5) if step * decade <= exact))
+        factor = emphasis or readable_factor(white, ours.linear, theirs.linear)
+        shown = [enlarged(picture.display(exposure=stops), at_least=_PANEL) for picture in (ours, theirs)]
+        linear = [enlarged(picture.linear, at_least=_PANEL) for picture in (ours, theirs)]
+        difference = difference_picture(*linear, factor=factor, white=white)
+        return panels([*shown, difference], ["baked and relit", self.made_by, "difference"])

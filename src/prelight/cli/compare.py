@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
 
+_PANEL = 640, 360
 _WORDS = (
     ("relative_rms", "relative RMS error"),
     ("mean_difference", "mean |difference| / mean"),
     ("signed_mean", "mean difference / mean"),
     ("worst", "largest difference / mean"),
+    ("noise", "RMS from the reference's noise"),
+    ("detectable_bias", "detectable mean difference"),
 )
 
 
@@ -29,7 +32,7 @@ def compare(
     seed: Annotated[int, Parameter(converter=arguments.whole_number)] = 0,
     layout: str | None = None,
     camera: str | None = None,
-    size: str = "640x360",
+    size: str | None = None,
     emphasis: float | None = None,
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
     force: Annotated[bool, Parameter(negative="")] = False,
@@ -37,8 +40,12 @@ def compare(
 ) -> None:
     """Say how far a relit bake is from the truth: Mitsuba's path tracer, or every light's own shadow ray.
 
-    Both see exactly the environment that the bake sees, its cube map. The path tracer is noisy: what it cannot
-    tell apart is said too. Exact integration is the sum over all 6·R·R lights, without noise, and slower.
+    Both see the environment as the bake does, as a cube map of 6·R·R texels. Exact integration sums over all of
+    them: it has no noise, and shows what clustering and one byte an element lose. The path tracer knows nothing
+    of how a bake works and spreads light over whole texels, so it also shows whether R is large enough; but it
+    is noisy: an error of the mean below its detectable bias cannot be told from none. Direct light only, as baked.
+
+    `prelight compare bunny.prelight stock:sunset --exact -o errors.png`
 
     Parameters
     ----------
@@ -51,7 +58,7 @@ def compare(
     samples
         Of the path tracer, for each receiver; 16 to 65536.
     receivers
-        How many to look at, chosen at random; 0 for all.
+        How many to look at, chosen at random; 0 for all. With --output all that the camera sees.
     seed
         Of that choice and of the path tracer's samples.
     layout
@@ -59,12 +66,12 @@ def compare(
     camera
         For the picture: the name of a camera in the bake, or a JSON file.
     size
-        Width and height of each of the picture's three panels; pixel layers have their own.
+        Width and height of each of the picture's three panels, 640x360 if not given; pixel layers have their own.
     emphasis
         How much the differences in the picture are amplified, above 0 to 1000; chosen by their size if not given.
     output
-        A .png of the bake, the reference and their difference side by side. Then all receivers are compared
-        that the camera sees, which takes longer.
+        A .png of the bake, the reference and their difference side by side, which takes longer: then every
+        receiver that the camera sees is compared.
     force
         Replace the output.
     json
@@ -82,7 +89,7 @@ def compare(
         raise InputError("--receivers", f"{receivers}, expected 0 (all) or more")
     if emphasis is not None and not 0 < emphasis <= 1000:
         raise InputError("--emphasis", f"{emphasis:g}, expected above 0 and at most 1000")
-    width, height = arguments.picture_size(size)
+    shape = None if size is None else arguments.picture_size(size)
 
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..checking.against import Comparison
@@ -93,6 +100,10 @@ def compare(
         light = Relighter(bake)
         eye = arguments.camera_of(light, camera)
         light.environment = Rig.open(rig, layout=layout).environment
+        width, height = shape or light.picture_size or _PANEL
+        if output is not None and light.picture_size not in (None, (width, height)):
+            own = "{}x{}".format(*light.picture_size)
+            raise InputError("--size", f"{size}, but this bake has its own pixels, {own}; leave it out")
         work = Comparison(light, count=receivers, seed=seed)
         if output is not None:
             work.choose_seen(eye, width=width, height=height)
@@ -104,13 +115,25 @@ def compare(
     if json:
         printing.say_json(figures | {"output": None if output is None else str(output)})
         return
-    against = "exact integration" if exact else f"the path tracer, {samples:,} samples"
+    _say(figures)
+    if output is not None:
+        printing.say(str(output))
+
+
+def _say(figures: dict[str, Any]) -> None:
+    """The figures in words."""
+    samples, bias = figures["samples"], figures["detectable_bias"]
+    against = "exact integration" if samples is None else f"the path tracer, {samples:,} samples"
     printing.say(
         f"{figures['receivers']:,} receivers against {against} ({figures['reference_seconds']:.1f} s)"
     )
     for name, words in _WORDS:
-        printing.say(f"  {words:28} {100 * figures[name]:8.3f} %")
-    if not exact:
-        printing.say(f"  {'detectable bias':28} {100 * figures['detectable_bias']:8.3f} %")
-    if output is not None:
-        printing.say(str(output))
+        if samples is not None or name not in ("noise", "detectable_bias"):
+            printing.say(f"  {words:32} {100 * figures[name]:8.3f} %")
+    if samples is not None:
+        found = abs(figures["signed_mean"]) > bias
+        printing.say(
+            "the means differ by more than noise explains"
+            if found
+            else "no difference of the means that so many samples can tell from noise"
+        )

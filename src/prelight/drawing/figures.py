@@ -58,6 +58,23 @@ def difference_picture(
     return np.concatenate([picture, bar])
 
 
+def readable_factor(white: float, a: Pixels, b: Pixels, *, most: float = 1000.0) -> float:
+    """1, 2 or 5 times a power of ten, up to ``most``: all but a five-hundredth of |a − b| stay on the scale."""
+    difference = np.abs(np.asarray(a, np.float64) - b).max(axis=2)
+    seen = difference[difference > 0]
+    if not seen.size:
+        return 1.0
+    exact = float(np.clip(white / np.percentile(seen, 99.8), 1.0, most))
+    decade = 10.0 ** np.floor(np.log10(exact))
+    return float(max(step * decade for step in (1, 2, 5) if step * decade <= exact))
+
+
+def enlarged(image: np.ndarray, *, at_least: int) -> np.ndarray:
+    """Each pixel repeated, until small pictures are about ``at_least`` wide and their pixels can be seen."""
+    times = max(1, round(at_least / image.shape[1]))
+    return image if times == 1 else image.repeat(times, axis=0).repeat(times, axis=1)
+
+
 def _scaled(level: np.ndarray) -> Shown:
     """Colours of levels from 0 to 1."""
     stops = np.linspace(0, 1, len(_SCALE))

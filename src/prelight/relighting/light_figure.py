@@ -6,14 +6,15 @@ import numpy as np
 
 from ..bases.cube_map import face_coordinates, solid_angles, texel_directions
 from ..camera import Camera
-from ..drawing.figures import Shown, difference_picture, panels
+from ..drawing.figures import Shown, difference_picture, enlarged, panels, readable_factor
 from ..errors import InputError
 from ..lighting.painting import pointing
 from .relighter import Relighter
 from .strong_lights import StrongLights
 
 _SIZE = 560, 420
-_EMPHASIS = 8.0
+_MOST_EMPHASIS = 20.0  # beyond it shows how bytes are rounded, not what clusters lose
+_PANEL = 320  # pixels, that small pictures are enlarged to
 
 
 def light_figure(light: Relighter, azimuth_deg: float, elevation_deg: float, *, camera: Camera) -> Shown:
@@ -39,20 +40,28 @@ def light_figure(light: Relighter, azimuth_deg: float, elevation_deg: float, *, 
         light.picture_of(radiance, camera, width=width, height=height) for radiance in (alone, clustered)
     ]
     stops = pictures[0].stops("auto")
-    shown = [p.display(exposure=stops) for p in pictures]
-    difference = difference_picture(
-        pictures[0].linear, pictures[1].linear, factor=_EMPHASIS, white=2.0**-stops
-    )
-    texels = ", ".join(_clusters_at(light, int(face), row, column)[:3])
-    captions = ["the light alone, T_l", f"its cluster's vector T_C ({texels} texels)", "difference"]
-    return panels([*shown, difference], captions)
+    shown = [enlarged(picture.display(exposure=stops), at_least=_PANEL) for picture in pictures]
+    linear = [enlarged(picture.linear, at_least=_PANEL) for picture in pictures]
+    factor = readable_factor(2.0**-stops, *linear, most=_MOST_EMPHASIS)
+    difference = difference_picture(*linear, factor=factor, white=2.0**-stops)
+    kept = f"what its cluster keeps, T_C: {_texels(light, int(face), row, column)}"
+    return panels([*shown, difference], ["one light alone, T_l", kept, "difference"])
 
 
-def _clusters_at(light: Relighter, face: int, row: int, column: int) -> list[str]:
+def _texels(light: Relighter, face: int, row: int, column: int) -> str:
+    """How many texels the cluster has that a texel is in; of several zones the smallest and the largest."""
+    sizes = sorted(_clusters_at(light, face, row, column), key=lambda size: size[0] * size[1])
+    words = [f"{height}×{width}" for height, width in dict.fromkeys((sizes[0], sizes[-1]))]
+    plural = "" if words == ["1×1"] else "s"
+    zones = f" in {light.zones} zones" if light.zones > 1 else ""
+    return " to ".join(words) + f" texel{plural}{zones}"
+
+
+def _clusters_at(light: Relighter, face: int, row: int, column: int) -> list[tuple[int, int]]:
     """Height×width in texels of each zone's cluster that a texel is in."""
     sizes = []
     for zone in range(light.zones):
         f, r, c, h, w = light.clusters(zone).T
         here = (f == face) & (r <= row) & (row < r + h) & (c <= column) & (column < c + w)
-        sizes += [f"{h[k]}×{w[k]}" for k in np.flatnonzero(here)]
+        sizes += [(int(h[k]), int(w[k])) for k in np.flatnonzero(here)]
     return sizes

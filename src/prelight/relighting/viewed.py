@@ -29,4 +29,4 @@ def viewed_transfer(bake: Bake, layer: EnvironmentLayer, rows: Int32[np.ndarray,
         points = seen_points(
             occluders, layer.eye, width=width, height=height, samples=samples if isinstance(samples, int) else 1
         )
-    return ViewedTransfer(occluders, SurfaceScene(scene), points, receivers=rows)
+    return ViewedTransfer(occluders, SurfaceScene(scene, resolution=layer.resolution), points, receivers=rows)
