@@ -11,6 +11,7 @@ import pytest
 
 from prelight.cli.main import run
 from prelight.errors import DamagedBakeError
+from prelight.storage import environment_layer
 from prelight.storage.bake import Bake
 from prelight.storage.manifest import NAME
 
@@ -224,6 +225,45 @@ def test_forged_manifests_on_the_command_line(bake, forgery, capsys):
             assert err.startswith("prelight: ")
             assert len(err) <= 301
         assert "\x1b" not in out + err
+
+
+@pytest.mark.parametrize(
+    "forgery",
+    [
+        "layer array missing", "zones missing", "parcel without tiles", "parcels with a gap",
+        "parcel of another name", "parcel of another type", "coefficients one less", "receivers faces",
+        "receivers null", "a picture without end", "a picture of negative size",
+        "a picture of truth", "layer without parameters",
+    ],
+)  # fmt: skip
+def test_layers_that_do_not_fit_are_refused_on_opening(bake, forgery):
+    """Before an array is read, whoever reads it: `Bake.open` looks at the manifest alone."""
+    rewrite_manifest(bake, MANIFESTS[forgery])
+    assert isinstance(refusal(lambda: Bake.open(bake)), DamagedBakeError)
+
+
+def test_more_parcels_or_zones_than_a_bake_may_have(bake, monkeypatch):
+    assert refusal(lambda: Bake.open(bake)) is None
+    for bound, words in (("MOST_PARCELS", "expected 1 to 1"), ("MOST_ZONES", "at most 1 zones")):
+        with monkeypatch.context() as patch:
+            patch.setattr(environment_layer, bound, 1)
+            error = refusal(lambda: Bake.open(bake))
+        assert isinstance(error, DamagedBakeError)
+        assert words in str(error)
+
+
+def test_colours_need_an_eye(bake):
+    def change(document: dict) -> None:
+        for name, width in (("scales", 3), ("present", 6)):
+            spec = document["arrays"][f"{LAYER}/{name}/00000"]
+            spec["shape"][1] = spec["chunk_shape"][1] = width
+            size = 4 * 339 * 3 if name == "scales" else 2 * 2 * 6
+            document["chunks"][f"{LAYER}/{name}/00000/c/0/0"]["size"] = size + 4
+
+    rewrite_manifest(bake, change)
+    error = refusal(lambda: Bake.open(bake))
+    assert isinstance(error, DamagedBakeError)
+    assert "without an eye" in str(error)
 
 
 RAW: dict[str, bytes] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prelight.bases.cube_map import solid_angles
+from prelight.bases.cube_map import rectangle_solid_angles, solid_angles
 from prelight.lighting.disc import Disc, add_discs
 from prelight.relighting.environment import EnvironmentRelighter
 from prelight.relighting.layer import EnvironmentLayer
@@ -137,7 +137,8 @@ def test_discs_weigh_nodes_as_they_cover_texels(tmp_path, radius_deg, softness):
         for z, s in enumerate((0.8, 0.4))
     ]
     tree = LightTree(EnvironmentLayer(write_bake(tmp_path, zones, resolution=resolution, rows=64)))
-    omega = solid_angles(resolution).astype(np.float64)
+    edges = np.linspace(-1.0, 1.0, resolution + 1)
+    omega = rectangle_solid_angles(edges, edges)
     for direction in [(1, 1, 1), (0.1, -1, 0.02), (0, 0, 1), (-1, 0.999, 0.2), *rng.standard_normal((4, 3))]:
         disc = Disc(tuple(direction), radius_deg, (1, 1, 1), softness).region
         share = np.zeros((6, resolution, resolution))
@@ -150,6 +151,6 @@ def test_discs_weigh_nodes_as_they_cover_texels(tmp_path, radius_deg, softness):
             (share[f, i : i + h, j : j + w] * omega[i : i + h, j : j + w]).sum()
             for f, i, j, h, w in tree.nodes
         ]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * disc.solid_angle)
-        assert tree.total(nodes, weights) == pytest.approx(3 * disc.solid_angle, rel=1e-6)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7 * disc.solid_angle)
+        assert tree.total(nodes, weights) == pytest.approx(3 * disc.solid_angle, rel=1e-7)
         assert (np.diff(nodes) > 0).all()

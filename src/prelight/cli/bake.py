@@ -125,7 +125,7 @@ def environment(
             f"{loaded.name}: {plan.receivers:,} receivers in {plan.zones:,} {'zone' if plan.zones == 1 else 'zones'}, "
             f"{plan.triangles:,} triangles, "
             f"{6 * resolution**2:,} environment lights\n"
-            f"about {plan.clusters:,} clusters, {plan.rays / 1e9:.2f} G rays, {printing.duration(plan.seconds)}, "
+            f"about {plan.clusters:,} clusters, {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
             f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
         )
     if dry_run:

@@ -88,7 +88,7 @@ def _baked(folder: Path, *, quiet: bool):
         plan = plan_environment(scene, EnvironmentSettings(resolution=RESOLUTION))
     if not quiet:
         printing.say(
-            f"{SCENE}: {plan.receivers:,} receivers; baking {plan.rays / 1e9:.1f} G rays "
+            f"{SCENE}: {plan.receivers:,} receivers; baking {printing.count(plan.rays)} rays "
             f"takes about {printing.duration(plan.seconds)}"
         )
     with printing.progress_bar("baking") as report:

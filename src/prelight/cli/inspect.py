@@ -16,7 +16,7 @@ def inspect(
     /,
     *,
     clusters: Path | None = None,
-    zone: Annotated[int, Parameter(converter=arguments.whole_number)] = 0,
+    zone: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
     over: str | None = None,
     light: str | None = None,
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
@@ -26,21 +26,25 @@ def inspect(
 ) -> None:
     """Say what is in a bake, what it cost and what it loses.
 
+    Two pictures show its clusters of lights: where they are, and what one light loses in its cluster.
+
+    `prelight inspect bunny.prelight --clusters clusters.png --over stock:sunset --light 30,45 -o light.png`
+
     Parameters
     ----------
     bake
         NAME.prelight.
     clusters
-        Draw the clusters of lights on the unfolded cube into this .png.
+        Draw the clusters of lights on the unfolded cube into this .png: small where shadows are sharp.
     zone
-        Whose clusters, where the bake has several zones; from 0.
+        Whose clusters, where the bake has several zones; counted from 0, which is the one if not given.
     over
         An environment, rig or stock:NAME to draw the clusters over.
     light
         A direction, azimuth,elevation in degrees (0,90 is straight above; azimuth from −Z towards +X): draw the
         scene under that one environment light beside what its cluster keeps of it, into --output.
     output
-        The .png of --light.
+        The .png of --light: the light alone, as its cluster keeps it, and the difference, emphasised.
     camera
         For --light: the name of a camera in the bake, or a JSON file.
     force
@@ -52,7 +56,13 @@ def inspect(
     from ..storage.bake import Bake
 
     if (light is None) != (output is None):
-        raise InputError("--light", "give both --light AZIMUTH,ELEVATION and --output PICTURE.png")
+        raise InputError("--light", "give it and --output together: --light 30,45 -o light.png")
+    if clusters is None and (zone is not None or over is not None):
+        raise InputError("--zone" if over is None else "--over", "is for the picture of --clusters; give its name")
+    if clusters is not None and clusters == output:
+        raise InputError(clusters, "cannot be two pictures; give --clusters and --output a name each")
+    if light is None and camera is not None:
+        raise InputError("--camera", "is for the picture of --light; give its direction")
     for picture in (clusters, output):
         if picture is not None:
             if picture.suffix.lower() != ".png":
@@ -61,7 +71,7 @@ def inspect(
     summary = Bake.open(bake).summary()
     summary["pictures"] = [str(picture) for picture in (clusters, output) if picture is not None]
     if clusters is not None:
-        _draw_clusters(bake, clusters, zone=zone, over=over, force=force)
+        _draw_clusters(bake, clusters, zone=zone or 0, over=over, force=force)
     if light is not None and output is not None:
         _draw_light(bake, output, towards=light, camera=camera, force=force)
     if json:
@@ -131,7 +141,8 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         loses = "bounced light, mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
         if settings["receivers"] == "pixels":
             size = f"{settings['width']}×{settings['height']} pixels of camera {layer['camera']!r}"
-            what = f"{size}, {settings['samples']} samples each"
+            samples = settings["samples"]
+            what = f"{size}, {samples} {'sample' if samples == 1 else 'samples'} each"
     zones = f", {settings['zones']} zones" if settings["zones"] > 1 else ""
     return [
         ("layer", f"{layer['name']} ({layer['kind']})"),
@@ -139,6 +150,6 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  lights", lights),
         ("  tolerance", threshold + samples),
         ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
-        ("  cost", f"{layer['rays'] / 1e9:.3g} G rays{took}"),
+        ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         ("  loses", loses),
     ]

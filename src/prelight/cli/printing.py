@@ -33,6 +33,14 @@ def size(count: float) -> str:
     return f"{int(count)} bytes"
 
 
+def count(number: float) -> str:
+    """Large numbers in words: 3.51 million."""
+    for word, scale in (("billion", 1e9), ("million", 1e6)):
+        if number >= scale:
+            return f"{number / scale:.3g} {word}"
+    return f"{number:,.0f}"
+
+
 def duration(seconds: float) -> str:
     """Seconds in words."""
     if seconds < 10:

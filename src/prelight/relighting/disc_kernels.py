@@ -1,8 +1,8 @@
 """How much of a soft disc light falls in each node of the cube's quadtree, without looking at a texel.
 
 The integral of the disc's share over any rectangle of a face is one around its four sides (see
-``lighting.cap_kernels``), so it costs the same for a texel and for a face, and the sum over texels is the same
-to rounding.
+``lighting.cap_kernels``), so it costs the same for a texel and for a face, and is the sum over the texels: to
+rounding for a hard edge, to a few 1e-8 of the disc for a soft one.
 """
 
 from __future__ import annotations
@@ -23,26 +23,12 @@ from .light_kernels import AFTER, NODES, sum_inside, touched
 
 f8, i8 = types.float64, types.int64
 _NOTHING = 1e-13  # of the disc: what is left of four sides outside it
-_PIECE = 0.2  # of the disc's reach: the longest piece that a few Gauss points do on its soft edge
 _ROWS = types.Array(f8, 2, "C", readonly=True)
 
 
 @njit(cache=True)
-def _in_pieces(p, q, edge):
-    """∫ G dφ from p to q, on one side of a rectangle and inside the disc's outer edge."""
-    length = sqrt(((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2) / (2.0 * edge[1]))
-    pieces = int(min(max(ceil(length / _PIECE), 1.0), 64.0)) if edge[0] < edge[1] else 1
-    total, start = 0.0, p
-    for n in range(1, pieces + 1):
-        end = _between(p, q, n / pieces) if n < pieces else q
-        total += _side(start, end, edge, (_depth(start), _depth(end)))
-        start = end
-    return total
-
-
-@njit(cache=True)
 def _long_side(p, q, edge, is_far):
-    """∫ G dφ from p to q, however long; where ``is_far``, of G less what it is outside, which gives the same
+    """∫ G dφ from p to q; where ``is_far``, of G less what it is outside, which gives the same
     around rectangles that do not have the disc's middle, and does not see the point opposite it."""
     outside = 0.5 * (edge[0] + edge[1])
     first, second = _crossings(p, q, edge[1])
@@ -53,7 +39,7 @@ def _long_side(p, q, edge, is_far):
         end = _between(p, q, cut) if cut < 1.0 else q
         is_in = _depth(_between(start, end, 0.5)) < edge[1]
         if is_in:
-            total += _in_pieces(start, end, edge)
+            total += _side(start, end, edge, (_depth(start), _depth(end)))
         if is_in == is_far:
             azimuth = atan2(start[0] * end[1] - start[1] * end[0], start[0] * end[0] + start[1] * end[1])
             total += -outside * azimuth if is_far else outside * azimuth

@@ -44,7 +44,7 @@ def light_figure(light: Relighter, azimuth_deg: float, elevation_deg: float, *, 
     linear = [enlarged(picture.linear, at_least=_PANEL) for picture in pictures]
     factor = readable_factor(2.0**-stops, *linear, most=_MOST_EMPHASIS)
     difference = difference_picture(*linear, factor=factor, white=2.0**-stops)
-    kept = f"what its cluster keeps, T_C: {_texels(light, int(face), row, column)}"
+    kept = f"its cluster, T_C: {_texels(light, int(face), row, column)}"
     return panels([*shown, difference], ["one light alone, T_l", kept, "difference"])
 
 

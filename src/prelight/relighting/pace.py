@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numba
 
-_ALONE_BELOW = 4_000_000  # bytes, some 0.3 ms of one thread: less than there is to gain
+_ALONE_BELOW = 2_000_000  # bytes, some 0.15 ms of one thread: hardly more than there is to gain
 _REMEMBERED = 5  # calls
 _TRY_THE_OTHER, _SELDOM = 16, 1024  # calls between trials: at first, and where the other keeps losing
 
