@@ -16,7 +16,7 @@ import pytest
 
 from prelight.camera import Camera
 from prelight.cli import bake as bake_command
-from prelight.cli import demo, doctor, main, relight, verify
+from prelight.cli import compare, demo, doctor, main, relight, verify
 from prelight.cli import inspect as inspect_command
 from prelight.cli.main import run
 from prelight.lighting.rig import Rig
@@ -32,6 +32,7 @@ FUNCTIONS = {
     "demo": demo.demo,
     "bake environment": bake_command.environment,
     "relight": relight.relight,
+    "compare": compare.compare,
     "inspect": inspect_command.inspect,
     "verify": verify.verify,
     "doctor": doctor.doctor,
@@ -112,6 +113,23 @@ def test_words_for_people(prelight, workshop, tmp_path):
     )
     assert "relit 86 receivers" in said.out
     assert str(tmp_path / "p.png") in said.out
+
+
+def test_strong_lights_are_told_and_may_be_left_to_clusters(prelight, workshop, tmp_path):
+    """Under an even sky there are none; a sun is traced by rays unless told otherwise, and its shadow changes."""
+    call = ["relight", workshop / "ball.prelight"]
+    assert one_object(prelight(*call, workshop / "good.exr", "--json"))["strong_lights"] == 0
+    pictures = {}
+    for way in ("rays", "clusters"):
+        output = tmp_path / f"{way}.npy"
+        lit = one_object(prelight(*call, "stock:sunset", "-o", output, "--strong-lights", way, "--json"))
+        assert (lit["strong_lights"] > 0, lit["strong_milliseconds"] > 0) == (way == "rays",) * 2
+        pictures[way] = np.load(output)
+    assert not np.array_equal(pictures["rays"], pictures["clusters"])
+    assert abs(pictures["rays"].mean() / pictures["clusters"].mean() - 1) < 0.1
+    assert "traced by rays in" in prelight(*call, "stock:sunset").out
+    assert "traced" not in prelight(*call, "stock:sunset", "--strong-lights", "clusters").out
+    assert_refusal(prelight(*call, "stock:sunset", "--strong-lights", "all"), 2, "rays or clusters")
 
 
 def test_names_cannot_steer_a_terminal(prelight, workshop, tmp_path, monkeypatch):

@@ -39,9 +39,9 @@ def bakes(tmp_path_factory) -> Path:
     faces = ["3 " + " ".join(map(str, t)) for t in scene.triangles.tolist()]
     (folder / "roof.ply").write_bytes(ply(rows, faces))
     for name, (mesh, *options) in BAKES.items():
-        mesh = str(folder / mesh) if mesh.endswith(".ply") else mesh
+        scene_file = str(folder / mesh) if mesh.endswith(".ply") else mesh
         target = folder / f"{name}.prelight"
-        assert run(["bake", "environment", mesh, *options, "-o", str(target), "--json"]) == 0
+        assert run(["bake", "environment", scene_file, *options, "-o", str(target), "--json"]) == 0
     return folder
 
 
@@ -57,9 +57,7 @@ def figures_of(answer) -> dict:
 def test_exact_integration_finds_what_clusters_lose(prelight, bakes, bake):
     """Little, where the tolerance is the usual one; and it is without noise."""
     path = bakes / f"{bake}.prelight"
-    figures = figures_of(
-        prelight("compare", path, "stock:studio", "--exact", "--receivers", "150", "--json")
-    )
+    figures = figures_of(prelight("compare", path, "stock:studio", "--exact", "--receivers", "150", "--json"))
     assert (figures["receivers"], figures["reference"], figures["samples"]) == (150, "exact", None)
     assert 0 < figures["relative_rms"] < 0.02
     assert abs(figures["signed_mean"]) <= figures["mean_difference"] <= figures["worst"] < 0.2
@@ -187,7 +185,9 @@ def test_other_refusals(prelight, bakes, tmp_path):
     away = tmp_path / "away.json"
     away.write_text(json.dumps({"eye": [0, 500, 0], "target": [0, 900, 0.1]}))
     assert_refusal(
-        prelight("compare", bakes / "roof.prelight", "stock:noon", "-o", output, "--camera", away), 2, "sees nothing"
+        prelight("compare", bakes / "roof.prelight", "stock:noon", "-o", output, "--camera", away),
+        2,
+        "sees nothing",
     )
     assert not output.exists()
     where = tmp_path / "nowhere" / "p.png"

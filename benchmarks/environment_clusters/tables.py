@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import prelight as pl
-from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
+from prelight.relighting.environment import EnvironmentRelighter
+from prelight.relighting.layer import EnvironmentLayer
 from scenes import baked, brown_figure, maps, scan
 
 TABLE_2 = {  # R: clusters at ε = 5e-5, at 4e-5

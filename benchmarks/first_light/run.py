@@ -20,10 +20,13 @@ from prelight.bases.cube_map import texel_directions
 from prelight.checking.machine import read_bandwidth
 from prelight.cli.doctor import _llvm, _machine
 from prelight.errors import InputError
-from prelight.relighting.environment import EnvironmentLayer, EnvironmentRelighter
+from prelight.rays.mitsuba import Occluders
+from prelight.rays.offset import ray_offset
+from prelight.relighting.environment import EnvironmentRelighter
+from prelight.relighting.layer import EnvironmentLayer
 from prelight.transport.exact import integrate_exactly
 from prelight.transport.ordering import receiver_order
-from prelight.transport.visibility import Visibility, ray_offset
+from prelight.transport.visibility import Visibility
 
 PROBES = ("grace_cross.hdr", "galileo_cross.hdr", "uffizi_latlong.hdr")
 PAPER = {"clusters": 8832, "bytes": 405e6, "clusters_of_bytes": 9831}
@@ -99,8 +102,9 @@ def tracing(scene: pl.Scene, repeats: int) -> dict:
 
     order = receiver_order(scene.positions, scene.normals)
     origins, normals = scene.positions[order], scene.normals[order]
-    ours = Visibility(scene.positions, scene.triangles, origins=origins, normals=normals)
-    mi, bvh = ours._mi, ours._scene
+    occluders = Occluders(scene.positions, scene.triangles)
+    ours = Visibility(occluders, origins=origins, normals=normals)
+    mi, bvh = occluders.mi, occluders.scene
     rng = np.random.default_rng(0)
     d = texel_directions(np.sort(rng.choice(6 * 256**2, 150, replace=False)), 256)
     lifted = origins + np.float32(ray_offset(scene.positions)) * normals
@@ -149,7 +153,7 @@ def relighting(found: pl.Bake, cube: np.ndarray, repeats: int) -> dict:
     layer = EnvironmentLayer(found)
     live = EnvironmentRelighter(layer, found.receivers.albedo)
     live.set_cube(cube)
-    R, M = len(layer.order) // 4 * 4, len(layer.scales)
+    R, M = layer.rows // 4 * 4, len(layer.rectangles)
     rng = np.random.default_rng(0)
     T = rng.integers(0, 255, (R, M), dtype=np.uint8)
     l, out = rng.random((3, M), dtype=np.float32), np.empty((R, 3), np.float32)
@@ -167,11 +171,11 @@ def relighting(found: pl.Bake, cube: np.ndarray, repeats: int) -> dict:
     # leaves nothing of the sums in the caches, and one after another, as when a light is dragged.
     def changing(clusters: np.ndarray) -> Callable[[], float]:
         change = rng.random((len(clusters), 3)) * 1e-3
+        nodes = np.sort(live._tree._node_of[clusters])  # of one zone: every cluster is a node
 
         def run() -> float:
             started = time.perf_counter()
-            live._light[clusters] += change
-            live._local(started, clusters, change)
+            live._follow(nodes, change, started)
             return time.perf_counter() - started
 
         return run

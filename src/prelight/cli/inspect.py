@@ -58,7 +58,9 @@ def inspect(
     if (light is None) != (output is None):
         raise InputError("--light", "give it and --output together: --light 30,45 -o light.png")
     if clusters is None and (zone is not None or over is not None):
-        raise InputError("--zone" if over is None else "--over", "is for the picture of --clusters; give its name")
+        raise InputError(
+            "--zone" if over is None else "--over", "is for the picture of --clusters; give its name"
+        )
     if clusters is not None and clusters == output:
         raise InputError(clusters, "cannot be two pictures; give --clusters and --output a name each")
     if light is None and camera is not None:
@@ -141,8 +143,8 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         loses = "bounced light, mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
         if settings["receivers"] == "pixels":
             size = f"{settings['width']}×{settings['height']} pixels of camera {layer['camera']!r}"
-            samples = settings["samples"]
-            what = f"{size}, {samples} {'sample' if samples == 1 else 'samples'} each"
+            points = settings["samples"]
+            what = f"{size}, {points} {'sample' if points == 1 else 'samples'} each"
     zones = f", {settings['zones']} zones" if settings["zones"] > 1 else ""
     return [
         ("layer", f"{layer['name']} ({layer['kind']})"),

@@ -23,7 +23,8 @@ SHARE = 0.002  # of all light of some channel, from which a cell is strong
 MOST = 64  # cells
 _GRID = 256  # cells along a face's side: 0.35° each in its middle
 _TIMES_MEAN = 10  # a cell's radiance over the mean
-_SHARE_OF_DISC, _LARGEST_DISC_DEG = 0.01, 2.0
+LARGEST_DISC_DEG = 2.0  # of a disc that may be traced
+_SHARE_OF_DISC = 0.01
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def strong_discs(
     blocks, others = [], []
     for disc in discs:
         share = np.max(disc.total / np.where(total > 0, total, np.inf))
-        if disc.radius_deg > _LARGEST_DISC_DEG or share <= _SHARE_OF_DISC:
+        if disc.radius_deg > LARGEST_DISC_DEG or share <= _SHARE_OF_DISC:
             others.append(disc)
             continue
         texels = disc.texels(resolution)

@@ -19,7 +19,7 @@ from ..lighting.environment import Environment
 from ..rays.plain import PlainOccluders, PlainVisibility
 from ..storage.bake import Bake
 from .layer import EnvironmentLayer
-from .strong_lights import NO_LIGHTS, StrongLights, strong_discs, strongest, without
+from .strong_lights import LARGEST_DISC_DEG, NO_LIGHTS, StrongLights, strong_discs, strongest, without
 
 if TYPE_CHECKING:
     from ..transport.viewed import ViewedTransfer
@@ -120,7 +120,7 @@ class Strong:
 
     def of_discs(self, environment: Environment, resolution: int) -> tuple[StrongLights, Sequence[Disc]]:
         """Strong discs as texels, and the other discs."""
-        if not self.is_on or not environment.discs:
+        if not self.is_on or all(disc.radius_deg > LARGEST_DISC_DEG for disc in environment.discs):
             return NO_LIGHTS, environment.discs
         return strong_discs(environment.discs, environment.total, resolution)
 

@@ -27,6 +27,10 @@ def viewed_transfer(bake: Bake, layer: EnvironmentLayer, rows: Int32[np.ndarray,
         width, height = layer.picture_size
         samples = bake.layers[layer.name].parameters.get("samples")
         points = seen_points(
-            occluders, layer.eye, width=width, height=height, samples=samples if isinstance(samples, int) else 1
+            occluders,
+            layer.eye,
+            width=width,
+            height=height,
+            samples=samples if isinstance(samples, int) else 1,
         )
     return ViewedTransfer(occluders, SurfaceScene(scene, resolution=layer.resolution), points, receivers=rows)
