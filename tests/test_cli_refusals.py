@@ -25,6 +25,12 @@ BAD_BAKE_OPTIONS = {
     "--floor": ["0", "nan", "-1", "inf", "x"],
     "--albedo": ["2", "-1", "nan", "1,2", "x", "1,1,1,1"],
     "--memory": ["banana", "10MB", "-4GB", "", "0", "4 parsecs", "1e5"],
+    "--zones": ["0", "-1", "5000", "x", "1.5"],
+    "--receivers": ["faces", "", "pixels"],
+    "--camera": ["nobody", "missing.json"],
+    "--size": ["64x36", "x"],
+    "--pixel-samples": ["4", "0"],
+    "--subdivide": ["0", "-1", "nan", "1e-9", "x"],
     "--nonsense": ["1"],
     "--no-resume": [""],
 }  # fmt: skip

@@ -40,6 +40,26 @@ def test_a_texel(resolution):
     assert without(cube, found)[texel].tolist() == [0, 0, 0]
 
 
+@pytest.mark.parametrize(("share", "count"), [(0.0015, 0), (0.0025, 1), (0.1, 1)])
+def test_from_a_five_hundredth(share, count):
+    cube = sky(256)
+    cube[5, 100, 100] = share / (1 - share) * 4 * np.pi / solid_angles(256)[100, 100]
+    assert len(strongest(cube, total=light_of(cube))) == count
+
+
+def test_towards_the_middle_of_its_energy():
+    """A block of texels that cannot be cut finer: its direction is where most of its light is."""
+    cube = sky(2048, 1e-6)
+    cube[4, :1024:16, :8] = 1.0  # 64 cells are full
+    cube[4, :1024:16, 0] = 50.0
+    found = strongest(cube, total=light_of(cube))
+    assert len(found) == MOST
+    assert found.rectangles[0, 3:].tolist() == [8, 8]
+    first = (4 * 2048 + 0) * 2048 + 0
+    bright, middle = (texel_directions(np.array([first + k]), 2048)[0] for k in (0, 4))
+    assert np.linalg.norm(found.directions[0] - bright) < 0.4 * np.linalg.norm(middle - bright)
+
+
 def test_of_one_colour_only():
     """What is strong in blue counts, however dim it is beside all the red."""
     cube = sky(32)

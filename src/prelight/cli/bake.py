@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from ..camera import Camera
+from ..errors import InputError
 from . import arguments, printing
 
 app = App(
@@ -28,8 +29,8 @@ def environment(
     zones: Annotated[int, Parameter(converter=arguments.whole_number)] = 1,
     receivers: str = "vertices",
     camera: str | None = None,
-    size: str = "256x144",
-    pixel_samples: Annotated[int, Parameter(converter=arguments.whole_number)] = 4,
+    size: str | None = None,
+    pixel_samples: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
     floor: float | None = None,
     subdivide: float | None = None,
     albedo: str | None = None,
@@ -72,9 +73,9 @@ def environment(
         The one eye that what is not Lambertian is baked for: the name of a camera in the scene, or a JSON file with
         eye, target, up and vertical_fov_deg. Without it every surface is diffuse.
     size
-        Width and height of the picture with --receivers pixels, up to 2048 each.
+        Width and height of the picture with --receivers pixels, up to 2048 each; default 256x144.
     pixel_samples
-        Points in a pixel, a square number up to 64.
+        Points in a pixel with --receivers pixels, a square number up to 64; default 4.
     floor
         Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
@@ -96,6 +97,11 @@ def environment(
     """
     from ..storage.journal import refuse_target
 
+    for option, value in (("--size", size), ("--pixel-samples", pixel_samples)):
+        if value is not None and receivers != "pixels":
+            raise InputError(
+                option, f"{value}, but receivers are {receivers}; add --receivers pixels or leave it out"
+            )
     target = output or Path(
         (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
     )
@@ -110,11 +116,11 @@ def environment(
         from ..baking.environment_settings import EnvironmentSettings
         from ..scene.loading import load_scene
 
-        width, height = arguments.picture_size(size)
+        width, height = arguments.picture_size(size or "256x144")
         settings = EnvironmentSettings(
             resolution, tolerance, epsilon, samples_per_side, budget,
             receivers=receivers, camera=_eye(camera), width=width, height=height,
-            pixel_samples=pixel_samples, zones=zones,
+            pixel_samples=4 if pixel_samples is None else pixel_samples, zones=zones,
         )  # fmt: skip
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_environment(loaded, settings)
