@@ -16,17 +16,18 @@ from prelight.cli.doctor import _llvm, _machine
 
 PARTS = {
     "bunny": tables.bunny,
-    "dragon": tables.dragon,
-    "figure": tables.figure,
-    "sweep": tables.sweep,
-    "table-2": tables.table_2,
     "edits": edits.two_discs,
-    "small-light": edits.small_light,
     "maps": accuracy.eight_maps,
     "sun": accuracy.suns,
-    "whole-image": accuracy.whole_image,
+    "small-light": edits.small_light,
     "zones": gloss.zones,
     "glossy-pixels": gloss.pixels,
+    "figure": tables.figure,
+    "sweep": tables.sweep,
+    "dragon": tables.dragon,
+    "table-2": tables.table_2,
+    "whole-image": accuracy.whole_image,
+    "dragon-floor-3": tables.dragon_on_the_bunnys_floor,
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import prelight as pl
 from prelight.relighting.environment import EnvironmentRelighter
 from prelight.relighting.layer import EnvironmentLayer
-from scenes import baked, brown_figure, maps, scan
+from scenes import FLOOR, baked, brown_figure, maps, scan
 
 TABLE_2 = {  # R: clusters at ε = 5e-5, at 4e-5
     256: (8832, 14736),
@@ -52,17 +52,20 @@ def bunny(data: Path, work: Path) -> dict:
 
 
 def dragon(data: Path, work: Path) -> dict:
-    """Table 1, second column: 5,337 clusters, 326 MB, 35 minutes, 8 seconds; two sizes of floor."""
-    paper = {"clusters": 5337, "bytes": 326e6, "seconds": 35 * 60, "product_milliseconds": 8000}
-    result = {}
-    for floor in (3.0, 2.0):
-        scene = scan(data, "dragon", floor=floor)
-        path = work / f"dragon-floor-{floor:g}-1024-5e-5.prelight"
-        found, figures = baked(scene, path, resolution=1024, epsilon=5e-5)
-        result[f"floor of {floor:g} extents"] = beside(
-            figures | relight_seconds(found, maps(data)["grace"]), **paper
-        )
-    return result
+    """Table 1, second column: 5,337 clusters, 326 MB, 35 minutes, 8 seconds; on a floor of twice its extent."""
+    return _dragon(data, work, 2.0)
+
+
+def dragon_on_the_bunnys_floor(data: Path, work: Path) -> dict:
+    """The same on a floor of three times its extent, which fits the Bunny's counts and not the Dragon's."""
+    return _dragon(data, work, FLOOR)
+
+
+def _dragon(data: Path, work: Path, floor: float) -> dict:
+    path = work / f"dragon-floor-{floor:g}-1024-5e-5.prelight"
+    found, figures = baked(scan(data, "dragon", floor=floor), path, resolution=1024, epsilon=5e-5)
+    figures |= relight_seconds(found, maps(data)["grace"])
+    return beside(figures, clusters=5337, bytes=326e6, seconds=35 * 60, product_milliseconds=8000)
 
 
 def figure(data: Path, work: Path) -> dict:
