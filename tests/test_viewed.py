@@ -8,7 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from prelight.bases.cube_map import solid_angles, texel_directions
+from prelight.bases.cube_map import mean_directions, solid_angles, texel_directions
+from prelight.bases.quadtree import sample_texels
 from prelight.camera import Camera
 from prelight.drawing.view import View
 from prelight.errors import InputError
@@ -261,3 +262,22 @@ def test_distances_and_means_are_equations_9_to_11(receivers, rng, white_ball):
         np.testing.assert_allclose(scale[n], T_C.max(axis=1) / 255, rtol=1e-5)
         np.testing.assert_allclose(columns[n] * scale[n][:, None], T_C, atol=0.502 * scale[n].max())
         assert not columns[n, :, 0].any()
+
+
+@pytest.mark.parametrize("pixels", [False, True])
+def test_the_unshadowed_part_of_a_matt_surface_is_its_integral(pixels):
+    """Nine samples of a whole face are a poor quadrature of the cosine; what is kept is the closed form."""
+    scene = made_of(plane(5), Material(colour=(0.6, 0.3, 0.9)))
+    points = seen_by(scene) if pixels else vertex_points(scene, EYE)
+    transfer = viewed(scene, points)
+    node = np.array([[2, 0, 0, 16, 16]], np.int32)  # all of +Y
+    texels = sample_texels(node, 3, 16)
+    d = texel_directions(texels[0], 16)
+    rows, _ = transfer.trace(d)
+    D_C = mean_directions(node, 16).astype(np.float32)
+    columns, scale = transfer.quantized_means(rows, np.arange(9, dtype=np.int32)[None], d[None], D_C)
+    covered = points.coverage
+    kept = columns[0] * scale[0][:, None]
+    expected = np.float32([0.6, 0.3, 0.9])[:, None] / np.pi * D_C[0, 1] * covered
+    np.testing.assert_allclose(kept, expected, atol=0.51 * scale.max())
+    assert abs(rows.mean(axis=0).max() / expected.max() - 1) > 0.02, "the plain mean would do"

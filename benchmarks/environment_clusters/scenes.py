@@ -43,7 +43,7 @@ def brown_figure(data: Path) -> pl.Scene:
 
 def baked(scene: pl.Scene, path: Path, **settings) -> tuple[pl.Bake, dict]:
     """The bake at ``path``, made or finished first if need be, and what it says of itself."""
-    plan = None
+    plan, before = None, _peak()
     try:
         found = pl.Bake.open(path)
     except InputError:
@@ -67,10 +67,15 @@ def baked(scene: pl.Scene, path: Path, **settings) -> tuple[pl.Bake, dict]:
         "seconds": found.seconds,
     }
     if plan is not None:
-        figures["peak_memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        if _peak() > before:  # of the process: where something earlier took more, nothing is known
+            figures["peak_memory"] = _peak()
         figures["planned"] = {"clusters": plan.clusters, "seconds": plan.seconds, "bytes": plan.bytes}
     gc.collect()
     return found, figures
+
+
+def _peak() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def maps(data: Path) -> dict[str, Path]:

@@ -82,7 +82,7 @@ def squared_distances(bits, sample, d, normals, distance):
 
 
 @njit(cache=True)
-def _unshadowed_correction(sample, d, D_C, D_S, x, y, z):
+def unshadowed_correction(sample, d, D_C, D_S, x, y, z):
     """Integral over mean of the samples' cosines, 1 where the node's horizon is in the way."""
     for l in range(len(sample)):
         if sample[l] >= 0 and x * d[l, 0] + y * d[l, 1] + z * d[l, 2] <= 0:
@@ -114,7 +114,7 @@ def _node_mean(bits, sample, d, D_C, normals, column):
                     T_C[start + i] += T_l[i]
         for i in range(start, start + count):
             if T_C[i] > 0:
-                ratio = _unshadowed_correction(
+                ratio = unshadowed_correction(
                     sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i]
                 )
                 T_C[i] *= ratio / used

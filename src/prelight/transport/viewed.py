@@ -15,6 +15,7 @@ from ..arrays import Directions, Float32, Float64, Int32, UInt8
 from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
+from .direct import unshadowed_correction
 from .eye import SeenPoints
 from .transfer import SampleDirections, Samples
 
@@ -58,6 +59,8 @@ class ViewedTransfer:
         self._mi, self._scene = occluders.mi, occluders.scene
         self._surfaces = surfaces  # the arrays below hold bare pointers to its BSDFs and meshes
         self._si, self._bsdf = surfaces.interactions(triangle.ravel(), weights.reshape(-1, 2), eye=points.eye)
+        shading = self._si.sh_frame.n.numpy().reshape(3, self.receivers, self.samples)
+        self._normals = np.ascontiguousarray(shading.mean(axis=2, dtype=np.float32))
         self._answers, self._lift = self._sides(points.at_vertices, ray_offset(occluders.positions))
 
     def _sides(self, at_vertices: bool, offset: float) -> tuple[Any, Any]:
@@ -126,10 +129,13 @@ class ViewedTransfer:
     def quantized_means(
         self, rows: np.ndarray, sample: Samples, d: SampleDirections, D_C: Float32[np.ndarray, "nodes 3"]
     ) -> tuple[UInt8[np.ndarray, "nodes 3 receivers"], Float32[np.ndarray, "nodes 3"]]:
-        """The plain mean of the samples (Eq. 10): a BSDF has no closed integral over a cluster."""
+        """The mean of the samples (Eq. 10), corrected where a receiver faces them all for the cosine they stand for.
+
+        A BSDF has no closed integral over a cluster, the cosine has: what is matt is then exact where unshadowed.
+        """
         columns = np.empty((len(sample), 3, self.receivers), np.uint8)
         scale = np.empty((len(sample), 3), np.float32)
-        quantized_means(rows, sample, columns, scale)
+        quantized_means(rows, sample, d, D_C, self._normals, columns, scale)
         return columns, scale
 
     def values(self, rows: np.ndarray, d: Directions) -> Float32[np.ndarray, "lights 3 receivers"]:
@@ -138,6 +144,7 @@ class ViewedTransfer:
 
 
 _f4_3 = types.Array(types.float32, 3, "C", readonly=True)
+_f4_2 = types.Array(types.float32, 2, "C", readonly=True)
 _i4_2 = types.Array(types.int32, 2, "C", readonly=True)
 
 
@@ -188,7 +195,25 @@ def squared_distances(rows, sample, distance):
 
 
 @njit(cache=True)
-def _channel_mean(rows, sample, channel, T_C, column):
+def _corrections(sample, d, D_C, normals, correction):
+    """Integral over mean of the samples' cosines for each receiver, as in ``direct``."""
+    used = np.float32(0)
+    D_S = np.zeros(3, np.float32)  # mean direction of the samples
+    for l in range(len(sample)):
+        if sample[l] >= 0:
+            used += np.float32(1)
+            for axis in range(3):
+                D_S[axis] += d[l, axis]
+    for axis in range(3):
+        D_S[axis] /= used
+    for i in range(len(correction)):
+        correction[i] = unshadowed_correction(
+            sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i]
+        )
+
+
+@njit(cache=True)
+def _channel_mean(rows, sample, channel, correction, T_C, column):
     used = np.float32(0)
     T_C[:] = 0
     for l in range(len(sample)):
@@ -199,7 +224,7 @@ def _channel_mean(rows, sample, channel, T_C, column):
                 T_C[i] += T_l[i]
     largest = np.float32(0)
     for i in range(len(T_C)):
-        T_C[i] *= np.float32(1) / used
+        T_C[i] *= correction[i] / used
         largest = max(largest, T_C[i])
     inverse = np.float32(255) / largest if largest > 0 else np.float32(0)
     for i in range(len(T_C)):
@@ -208,14 +233,22 @@ def _channel_mean(rows, sample, channel, T_C, column):
 
 
 @njit(cache=True)
-def _node_means(rows, sample, columns, scale):
-    T_C = np.empty(rows.shape[2], np.float32)
+def _node_means(rows, sample, d, D_C, normals, columns, scale):
+    T_C, correction = np.empty((2, rows.shape[2]), np.float32)
+    _corrections(sample, d, D_C, normals, correction)
     for channel in range(3):
-        scale[channel] = _channel_mean(rows, sample, channel, T_C, columns[channel])
+        scale[channel] = _channel_mean(rows, sample, channel, correction, T_C, columns[channel])
 
 
-@njit([types.void(_f4_3, _i4_2, types.uint8[:, :, ::1], types.float32[:, ::1])], parallel=True, cache=True)
-def quantized_means(rows, sample, columns, scale):
-    """T_C ≈ scale · byte, rounded to nearest, 0 exactly 0; columns (nodes, 3, R) and scale (nodes, 3), written."""
+@njit(
+    [types.void(_f4_3, _i4_2, _f4_3, _f4_2, _f4_2, types.uint8[:, :, ::1], types.float32[:, ::1])],
+    parallel=True,
+    cache=True,
+)
+def quantized_means(rows, sample, d, D_C, normals, columns, scale):
+    """T_C ≈ scale · byte, rounded to nearest, 0 exactly 0; columns (nodes, 3, R) and scale (nodes, 3), written.
+
+    d (nodes, S, 3) directions of the samples, D_C (nodes, 3) mean directions of the nodes, normals (3, R).
+    """
     for n in prange(len(sample)):
-        _node_means(rows, sample[n], columns[n], scale[n])
+        _node_means(rows, sample[n], d[n], D_C[n], normals, columns[n], scale[n])
