@@ -54,7 +54,7 @@ def eight_maps(data: Path, work: Path) -> dict:
                     lines.setdefault(key, []).append((epsilon, errors[key]["relative_rms"]))
         result[f"ε={epsilon:g}"] = {"clusters": figures["clusters"], "errors": errors}
     plot = line_plot(
-        {name: tuple(zip(*points, strict=True)) for name, points in lines.items()},
+        {name: tuple(zip(*points, strict=True)) for name, points in lines.items() if name in files},
         x=Axis("ε", log=True),
         y=Axis("relative RMS error", log=True),
     )

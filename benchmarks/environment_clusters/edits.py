@@ -103,8 +103,12 @@ def small_light(data: Path, work: Path) -> dict:
     true = integrate_exactly(
         receivers.positions, found.triangles, receivers.normals, receivers=chosen, cube=only
     ) * receivers.albedo[chosen]  # fmt: skip
-    light.environment = pl.Environment.constant((0.0, 0.0, 0.0)).with_disc(lamp)
-    figures = relative(light.radiance[chosen], true)
+    figures = {}
+    for traced in (True, False):
+        light.trace_strong = traced
+        light.environment = pl.Environment.constant((0.0, 0.0, 0.0)).with_disc(lamp)
+        figures["traced" if traced else "clusters alone"] = relative(light.radiance[chosen], true)
+    light.trace_strong = True
     light.environment = sky
     picture = light.picture(width=1280, height=720)
     picture.save(work / "small-light.png", force=True, exposure=picture.stops("auto"))
