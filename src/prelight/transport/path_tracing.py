@@ -17,7 +17,7 @@ from .eye import SeenPoints
 
 _LANES = 1 << 22
 _INSIDE = 1e-3  # of the way to a triangle's centre: a ray at a vertex could slip between two
-_LIFTS = 1  # offsets above the surface where a ray at a vertex begins: as in a bake, lest something be between
+_LIFTS = 1  # offsets above the surface where a ray at a vertex begins: as in a bake
 
 MeanAndVariance = tuple[Float64[np.ndarray, "chosen 3"], Float64[np.ndarray, "chosen 3"]]
 Report = Callable[[float], None]
