@@ -82,6 +82,20 @@ def squared_distances(bits, sample, d, normals, distance):
 
 
 @njit(cache=True)
+def mean_of_samples(sample, d, D_S):
+    """How many samples a node has; D_S (3,), zeros given, becomes their mean direction."""
+    used = np.float32(0)
+    for l in range(len(sample)):
+        if sample[l] >= 0:
+            used += np.float32(1)
+            for axis in range(3):
+                D_S[axis] += d[l, axis]
+    for axis in range(3):
+        D_S[axis] /= used
+    return used
+
+
+@njit(cache=True)
 def unshadowed_correction(sample, d, D_C, D_S, x, y, z):
     """Integral over mean of the samples' cosines, 1 where the node's horizon is in the way."""
     for l in range(len(sample)):
@@ -95,15 +109,8 @@ def _node_mean(bits, sample, d, D_C, normals, column):
     S, R = len(sample), normals.shape[1]
     T_l = np.zeros(BLOCK, np.float32)
     T_C = np.zeros(R, np.float32)
-    D_S = np.zeros(3, np.float32)  # mean direction of the samples
-    used = np.float32(0)
-    for l in range(S):
-        if sample[l] >= 0:
-            used += np.float32(1)
-            for axis in range(3):
-                D_S[axis] += d[l, axis]
-    for axis in range(3):
-        D_S[axis] /= used
+    D_S = np.zeros(3, np.float32)
+    used = mean_of_samples(sample, d, D_S)
     largest = np.float32(0)
     for start in range(0, R, BLOCK):
         count = min(BLOCK, R - start)

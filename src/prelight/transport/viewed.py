@@ -15,7 +15,7 @@ from ..arrays import Directions, Float32, Float64, Int32, UInt8
 from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
-from .direct import unshadowed_correction
+from .direct import mean_of_samples, unshadowed_correction
 from .eye import SeenPoints
 from .transfer import SampleDirections, Samples
 
@@ -197,15 +197,8 @@ def squared_distances(rows, sample, distance):
 @njit(cache=True)
 def _corrections(sample, d, D_C, normals, correction):
     """Integral over mean of the samples' cosines for each receiver, as in ``direct``."""
-    used = np.float32(0)
-    D_S = np.zeros(3, np.float32)  # mean direction of the samples
-    for l in range(len(sample)):
-        if sample[l] >= 0:
-            used += np.float32(1)
-            for axis in range(3):
-                D_S[axis] += d[l, axis]
-    for axis in range(3):
-        D_S[axis] /= used
+    D_S = np.zeros(3, np.float32)
+    mean_of_samples(sample, d, D_S)
     for i in range(len(correction)):
         correction[i] = unshadowed_correction(
             sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i]
