@@ -132,12 +132,9 @@ def whole_image(data: Path, work: Path) -> dict:
         ours = light.picture_of(light.radiance, camera, width=640, height=440)
         stops = truth.stops("auto")
         if not shown:
-            shown, captions = (
-                [truth.display(exposure=stops), truth.display(exposure=stops)][:1],
-                ["exact integration"],
-            )
+            shown = [truth.display(exposure=stops)]
             shown.append(np.full_like(shown[0], 255))
-            captions.append("")
+            captions = ["exact integration", ""]
         shown += [
             ours.display(exposure=stops),
             difference_picture(ours.linear, truth.linear, factor=5.0, white=2.0**-stops),
