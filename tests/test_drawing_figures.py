@@ -165,8 +165,13 @@ def test_what_no_axis_can_show_is_refused(series: dict) -> None:
 
 
 def test_one_point_and_constant_lines_can_be_shown() -> None:
-    line_plot({"a": ([3.0], [7.0]), "b": ([1.0, 2.0], [7.0, 7.0])}, x=Axis("x"), y=Axis("y"))
-    line_plot({"a": ([0.0], [0.0])}, x=Axis("x", log=False), y=Axis("y", log=False))
+    for image in (
+        line_plot({"a": ([3.0], [7.0]), "b": ([1.0, 2.0], [7.0, 7.0])}, x=Axis("x"), y=Axis("y")),
+        line_plot({"a": ([0.0], [0.0])}, x=Axis("x", log=False), y=Axis("y", log=False)),
+    ):
+        assert image.shape == (600, 960, 3)
+        middle = image[60:500, 120:600].astype(int)
+        assert (np.ptp(middle, axis=2) > 60).any(), "no coloured mark"
 
 
 def test_figures_are_saved_as_png(tmp_path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from prelight.material import GREY
 from prelight.scene.loading import load_scene
-from prelight.scene.obj.library import parse_map
+from prelight.scene.obj.mtl import parse_map
 
 from .obj_files import SQUARE, Folder, png
 
@@ -100,7 +100,7 @@ def test_libraries_beyond_the_limits_are_not_read(loaded: Folder, monkeypatch: p
     text = b"".join(b"mtllib %d.mtl\n" % k for k in range(9)) + SQUARE + b"usemtl m\nf 1 2 3\n"
     files = {f"{k}.mtl": b"newmtl m\nKd 1 0 0\n" for k in range(9)}
     assert loaded(text, files).notes == ("more than 8 material libraries: the others not read",)
-    monkeypatch.setattr("prelight.scene.obj.library._MOST_TEXT", 40)
+    monkeypatch.setattr("prelight.scene.obj.mtl._MOST_TEXT", 40)
     notes = loaded(text, files).notes
     assert notes[0] == "material library '2.mtl' not read: 18 bytes, at most 4 bytes are read"
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...files import Resolver
 from ...material import GREY, Material
 from ..mesh import MeshAsRead, UnreadableMesh, check_counts, linear_from_srgb, short_name
-from .library import MapStatement, read_libraries
+from .mtl import MapStatement, read_libraries
 from .polygons import triangles_of
 from .statements import Statements, read_statements
 from .surfaces import TextureShelf, surface_of

@@ -23,7 +23,7 @@ from ...files import Resolver
 from ...images.textures import LARGEST_FILE, read_texture
 from ...material import GREY, Material
 from ..mesh import short_name
-from .library import Entry, MapStatement, parse_map
+from .mtl import Entry, MapStatement, parse_map
 
 _MOST_REFLECTED = 0.25  # at normal incidence by a dielectric: an index of refraction of 3
 _METAL = 4.0  # Ks over Kd from which a strong reflection is a metal's
