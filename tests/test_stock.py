@@ -9,7 +9,9 @@ import pytest
 
 from prelight.errors import InputError
 from prelight.scene.geometry import Scene
+from prelight.rays.mitsuba import Occluders
 from prelight.scene.normals import vertex_normals, zero_area
+from prelight.scene.stock import room as rooms
 from prelight.scene.stock import sculpture as made_here
 from prelight.scene.stock.catalogue import STOCK_SCENES, stock_scene
 from prelight.scene.stock.ground import ground
@@ -81,7 +83,7 @@ def test_arrays_are_sound(scene: Scene) -> None:
 
 def test_normals_agree_with_the_triangles(scene: Scene) -> None:
     found = vertex_normals(scene.positions, scene.triangles)
-    assert (found * scene.normals).sum(axis=1).min() > (0.85 if scene.name == "still-life-small" else 0.97)
+    assert (found * scene.normals).sum(axis=1).min() > (0.85 if scene.name in ("still-life-small", "room-small") else 0.97)
     a, b, c = (scene.positions[scene.triangles[:, k]].astype(float) for k in range(3))
     facing = np.einsum("ij,ikj->ik", np.cross(b - a, c - a), scene.normals[scene.triangles])
     assert facing.min() > 0
@@ -220,3 +222,41 @@ def test_the_front_camera_holds_the_work_and_its_floor(statue: Scene) -> None:
     assert x[ahead].min() < -1
     assert x[ahead].max() > 1
     assert y[ahead & (np.abs(x) < 1)].max() < 0.35  # the far edge: sky above it
+
+
+@pytest.mark.parametrize("name", ["room", "room-small"])
+def test_light_comes_into_the_room_by_its_window_alone(name: str, rng: np.random.Generator) -> None:
+    inside = stock_scene(name)
+    occluders = Occluders(inside.positions, inside.triangles)
+    d = rng.normal(size=(400_000, 3)).astype(np.float32)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    origin = rng.uniform((-1.6, 0.9, -0.3), (0.1, 2.6, 2.3), (len(d), 3)).astype(np.float32)
+    mi = occluders.mi
+    ray = mi.Ray3f(*(kind(*(mi.Float(np.ascontiguousarray(x)) for x in a.T)) for kind, a in ((mi.Point3f, origin), (mi.Vector3f, d))))  # fmt: skip
+    out = ~occluders.scene.ray_test(ray).numpy()
+    assert 0.02 < out.mean() < 0.2
+    reach = (-rooms.HALF_WIDTH - rooms.WALL - origin[out, 0]) / d[out, 0]  # to the outside of the left wall
+    assert (d[out, 0] < 0).all()
+    y, z = (origin[out, k] + reach * d[out, k] for k in (1, 2))
+    (z0, z1), (y0, y1) = rooms.WINDOW
+    assert z0 - 1e-4 < z.min() < z0 + 0.05 < z1 - 0.05 < z.max() < z1 + 1e-4
+    assert y0 - 1e-4 < y.min() < y0 + 0.05 < y1 - 0.05 < y.max() < y1 + 1e-4
+
+
+def test_what_stands_in_the_room_touches_nothing() -> None:
+    """Rays begin a little off the surface; what stands on something must not begin them inside it."""
+    inside = stock_scene("room")
+    offset = ray_offset(inside.positions)
+    assert offset < 0.4 * rooms.GAP
+    of = inside.material_of_vertex
+    names = [material.name for material in inside.materials]
+    low = {name: inside.positions[of == k].min(axis=0) for k, name in enumerate(names)}
+    assert low["stone"][1] > offset
+    assert low["coral stool"][1] > offset
+    assert low["teal glaze"][1] > rooms.PLINTH_HEIGHT + offset
+    assert low["shelf"][2] > -rooms.HALF_DEPTH + offset
+    assert inside.positions[of == names.index("indigo canvas"), 0].max() < rooms.HALF_WIDTH - offset
+    walls = np.isin(of, [names.index(name) for name in ("plaster", "ochre wall", "boards")])
+    toward_middle = inside.normals[walls] * (np.float32([0, rooms.HEIGHT / 2, 0]) - inside.positions[walls])
+    in_the_room = np.abs(inside.positions[walls, 0]) <= rooms.HALF_WIDTH
+    assert (toward_middle.sum(axis=1) > 0)[in_the_room].mean() > 0.99  # all but the reveal

@@ -19,13 +19,17 @@ def triangle_mesh(
     bsdf: Any = None,
     uv: TextureCoordinates | None = None,
     tint: Albedo | None = None,
+    emitter: Any = None,
 ) -> Any:
     """A ``mi.Mesh`` with these vertices, in this order.
 
-    ``bsdf`` is a dict for ``mi.load_dict`` or what it has made; ``tint`` becomes the attribute ``vertex_tint``.
+    ``bsdf`` is a dict for ``mi.load_dict`` or what it has made; ``tint`` becomes the attribute ``vertex_tint``;
+    ``emitter`` is an area light of Mitsuba's.
     """
     mi = mitsuba()
     props = mi.Properties()
+    if emitter is not None:
+        props["emitter"] = emitter
     if bsdf is not None:
         props["bsdf"] = mi.load_dict(bsdf) if isinstance(bsdf, dict) else bsdf
     mesh = mi.Mesh(

@@ -50,6 +50,8 @@ class SurfaceScene:
     resolution
         R of the lights' cube map. Given that, highlights narrower than its texels are made as wide, mirrors
         too: light has no finer detail to show in them, and between texels they would find none at all.
+    emits
+        Make area lights of the materials that emit, one-sided as Mitsuba's are, without their textures.
 
     Attributes
     ----------
@@ -68,7 +70,7 @@ class SurfaceScene:
         that comes from a point of the sky by such a path is found by no shadow ray.
     """
 
-    def __init__(self, scene: Scene, *, resolution: int | None = None) -> None:
+    def __init__(self, scene: Scene, *, resolution: int | None = None, emits: bool = False) -> None:
         self.mi = mitsuba()
         self._least = 0.0 if resolution is None else min(_LEAST_WIDTH / resolution, 1.0)  # α
         self.widened: tuple[str, ...] = ()
@@ -96,6 +98,7 @@ class SurfaceScene:
                     bsdf=bsdf,
                     uv=None if scene.uv is None else scene.uv[vertices],
                     tint=tint[vertices],
+                    emitter=self._area_light(material) if emits else None,
                 )
             self.meshes.append(mesh)
         mirror = self.mi.BSDFFlags.DeltaReflection | self.mi.BSDFFlags.DeltaTransmission
@@ -103,10 +106,17 @@ class SurfaceScene:
         self.offset = ray_offset(scene.positions)
         self.delta = np.array([bool(int(bsdf.flags()) & int(mirror)) for bsdf in self.bsdfs])
 
-    def lit_by(self, emitter: Any) -> Any:
-        """An ``mi.Scene`` of all surfaces under one emitter, for the reference."""
-        meshes = {f"mesh{m}": mesh for m, mesh in enumerate(self.meshes) if mesh is not None}
-        return self.mi.load_dict({"type": "scene", "emitter": emitter, **meshes})
+    def lit_by(self, *lights: Any) -> Any:
+        """An ``mi.Scene`` of all surfaces under these emitters and luminous shapes, for the reference."""
+        parts = {f"mesh{m}": mesh for m, mesh in enumerate(self.meshes) if mesh is not None}
+        parts |= {f"light{k}": light for k, light in enumerate(lights)}
+        return self.mi.load_dict({"type": "scene", **parts})
+
+    def _area_light(self, material: Material) -> Any:
+        if not any(material.emission):
+            return None
+        radiance = {"type": "rgb", "value": [float(x) for x in material.emission]}
+        return self.mi.load_dict({"type": "area", "radiance": radiance})
 
     def interactions(
         self,

@@ -14,11 +14,15 @@ _FAR = 1e9  # metres, beyond any scene: an emitter written in Python is not told
 
 
 def cube_emitter(mi: ModuleType, cube: CubeMap) -> Any:
-    """A cube map as an infinite emitter, radiance constant over each texel."""
+    """A cube map as an infinite emitter, radiance constant over each texel; it may be below 0, as a basis function's.
+
+    Directions are chosen by the magnitude of the radiance.
+    """
     import drjit as dr
 
     R = cube.shape[1]
-    luminance = cube @ np.array([0.2126, 0.7152, 0.0722], np.float32) + 1e-6 * cube.max()
+    magnitude = np.abs(cube)
+    luminance = magnitude @ np.array([0.2126, 0.7152, 0.0722], np.float32) + 1e-6 * magnitude.max()
     power = (luminance * cube_map.solid_angles(R)).ravel()
 
     class CubeEnvironment(mi.Emitter):

@@ -45,7 +45,7 @@ def path_traced_radiance(  # noqa: PLR0913 - the geometry is three of them
     mesh = triangle_mesh(positions, triangles, normals=normals, bsdf=white)
     scene = mi.load_dict({"type": "scene", "mesh": mesh, "sky": cube_emitter(mi, cube)})
     lift = _LIFTS * ray_offset(positions) * normals[receivers]
-    origin = _just_inside(positions, triangles, receivers) + lift
+    origin = just_inside(positions, triangles, receivers) + lift
     there = np.ones(len(receivers), bool)
     values = _paths(scene, (origin, -normals[receivers], there), samples=samples, seed=seed, report=report)
     return _mean_and_variance(values, points=1)
@@ -140,7 +140,7 @@ def _mean_and_variance(parts: Iterator[np.ndarray], *, points: int) -> MeanAndVa
     return mean, np.concatenate(variances).reshape(-1, points, 3).sum(axis=1) / points**2
 
 
-def _just_inside(positions: Positions, triangles: Triangles, receivers: np.ndarray) -> Positions:
+def just_inside(positions: Positions, triangles: Triangles, receivers: np.ndarray) -> Positions:
     """A point of one triangle of each receiver, a thousandth of the way to its centre."""
     triangle_of = np.zeros(len(positions), np.int64)
     triangle_of[triangles] = np.arange(len(triangles))[:, None]

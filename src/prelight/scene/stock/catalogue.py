@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from ...errors import InputError
 from ..geometry import Scene
+from .chess import chess
 from .cornell import cornell
+from .room import room
 from .sculpture import sculpture
 from .still_life import still_life
 
@@ -36,6 +38,12 @@ STOCK_SCENES: dict[str, StockScene] = {
         "lacquer, glaze, fruit, metal and linen on a table, 29,090 receivers; cameras front, close",
     ),
     "still-life-small": StockScene(partial(still_life, detail=0.38), "the same in 4,676 receivers"),
+    "room": StockScene(
+        room, "a closed room with one window, for bounced light, 29,758 receivers; cameras front, close"
+    ),
+    "room-small": StockScene(partial(room, detail=0.34), "the same in 4,548 receivers"),
+    "steerable": StockScene(chess, "chessmen, one of glass, a mirror ball, a red wall; cameras front, close"),
+    "steerable-small": StockScene(partial(chess, detail=0.5), "the same in fewer triangles"),
     "environment": StockScene(sculpture, "the scene that shows environment light: the sculpture"),
 }
 

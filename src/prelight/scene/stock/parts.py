@@ -65,7 +65,10 @@ def scene_of(
 ) -> Scene:
     """A scene of parts, each of one material; parts that name the same material share it."""
     whole = together([part for part, _ in parts])
-    materials = list(dict.fromkeys(of for _, of in parts))
+    materials: list[Material] = []  # compared, not hashed: one with a bsdf has no hash
+    for _, of in parts:
+        if of not in materials:
+            materials.append(of)
     tint = [np.broadcast_to(np.asarray(of.colour, np.float32), part.positions.shape) for part, of in parts]
     albedo = [_coloured(part, of, textures) for part, of in parts]
     material_of = np.repeat(

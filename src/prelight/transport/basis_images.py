@@ -1,0 +1,270 @@
+"""All basis images of a lamp from one pass of tracing (Teo, Simoncelli and Heeger 1997, section 3).
+
+The paper renders the scene once for each basis light. Here each path is traced once, remembers how its light left the
+lamp, and is added to the image of every function that spans the lamp's emission.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import Float32, Float64
+from ..camera import Camera
+from ..errors import InputError
+from ..rays.surfaces import SurfaceScene
+from ..scene.geometry import Scene
+from .span_kernels import add_pixels, add_splats, harmonic_scales
+from .steered_lamps import SteeredLamp
+
+Report = Callable[[float], None]
+
+LANES = 1 << 17  # paths of a launch
+MOST_SAMPLES = 1 << 16  # a pixel
+_PARTICLES = 1 << 18
+_EYE, _LAMP = 1, 2  # stages of randomness
+
+
+@dataclass(frozen=True)
+class ImageSettings:
+    """How basis images are traced.
+
+    Parameters
+    ----------
+    width, height
+        Pixels; 1 to 2048 each.
+    samples
+        Paths from the eye through each pixel, 2 to 65536.
+    particles
+        Paths from the lamp for each pixel of the picture, 0 to 65536; none are traced where no mirror or glass is.
+    depth
+        The most edges of a path, 2 to 64: 2 is direct light.
+    indirect_only
+        Leave direct light out.
+    by_chance
+        Keep light through glass or off a mirror that the eye sees in a mirror or through glass; only a lamp of some
+        size is met, and by chance: it is noisy.
+    seed
+        Of all randomness.
+    """
+
+    width: int = 256
+    height: int = 256
+    samples: int = 256
+    particles: int = 64
+    depth: int = 12
+    indirect_only: bool = False
+    by_chance: bool = True
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least, most in (
+            ("width", 1, 2048), ("height", 1, 2048), ("samples", 2, MOST_SAMPLES), ("particles", 0, MOST_SAMPLES),
+            ("depth", 2, 64), ("seed", 0, 2**31 - 1),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
+                raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
+
+    @property
+    def pixels(self) -> int:
+        return self.width * self.height
+
+
+@dataclass(frozen=True)
+class TracedRows:
+    """Some pixels' part of the basis images that paths from the eye make."""
+
+    images: Float32[np.ndarray, "pixels 3 functions"]
+    variance: Float32[np.ndarray, "pixels functions"]  # of the mean of the three channels
+    posed: Float64[np.ndarray, "pixels poses 3"] = field(repr=False)
+    posed_variance: Float64[np.ndarray, "pixels poses 3"] = field(repr=False)
+
+
+class BasisTracer:
+    """Traces the basis images of one lamp, pixels by pixels, so that a bake can stop between.
+
+    Parameters
+    ----------
+    scene
+        What is lit.
+    lamp
+        By what; its ``functions`` S are the images.
+    camera
+        The fixed eye.
+    settings
+        See ImageSettings.
+    surfaces
+        Of the scene, if there already.
+
+    Attributes
+    ----------
+    traces_from_lamp
+        Whether the lamp meets mirrors or glass, so that paths are traced from it too.
+    left_out
+        What kinds of paths are in no image, in words; empty if none.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        lamp: SteeredLamp,
+        camera: Camera,
+        *,
+        settings: ImageSettings,
+        surfaces: SurfaceScene | None = None,
+    ) -> None:
+        from .eye_paths import EyePaths, PathRules
+        from .light_tracing import LightPaths
+
+        self.lamp, self.settings = lamp, settings
+        surfaces = surfaces or SurfaceScene(scene)
+        least = 3 if settings.indirect_only else 1
+        frame = {"width": settings.width, "height": settings.height}
+        rules = PathRules(settings.depth, least, False, settings.by_chance)
+        self._light = None
+        if surfaces.delta.any() and settings.particles:
+            light = LightPaths(surfaces, lamp, camera, rules=rules, **frame)
+            self._light = light if light.finds_any else None
+        rules = PathRules(settings.depth, least, self._light is not None, settings.by_chance)
+        self._eye = EyePaths(surfaces, lamp, camera, rules=rules, **frame)
+        self._scale = harmonic_scales(lamp.degree)
+        self._periods = lamp.periods
+        self.left_out = _left_out(surfaces, lamp, settings, from_lamp=self.traces_from_lamp)
+
+    @property
+    def traces_from_lamp(self) -> bool:
+        return self._light is not None
+
+    def pixels(
+        self, first: int, count: int, *, weights: Float64[np.ndarray, "poses functions"] | None = None
+    ) -> TracedRows:
+        """Pixels ``first`` to ``first + count`` as paths from the eye make them: the same however they are cut.
+
+        ``weights`` (P, S) of lamps as they will be: then ``posed`` are their pictures, with the variance that no
+        sum of the images' variances tells.
+        """
+        S, samples = self.lamp.functions, self.settings.samples
+        chosen = np.zeros((0, S)) if weights is None else np.ascontiguousarray(weights, np.float64)
+        images = np.empty((count, 3, S), np.float32)
+        variance = np.empty((count, S), np.float32)
+        posed, posed_variance = np.zeros((2, count, len(chosen), 3))
+        step = max(1, LANES // samples)
+        first_tile, last_tile = first // step, -(-(first + count) // step)
+        for tile in range(first_tile, last_tile):  # of fixed places, so that seeds do not depend on the cut
+            at, end = tile * step, min((tile + 1) * step, self.settings.pixels)
+            records = self._eye.trace(
+                at, end - at, samples=samples, seed=_seed(self.settings.seed, _EYE, tile)
+            )
+            mean, own = np.empty((end - at, 3, S), np.float32), np.empty((end - at, S), np.float32)
+            pose, pose_own = np.zeros((2, end - at, len(chosen), 3))
+            add_pixels(
+                samples, (records.carried, records.left), records.counts, self._scale, self._periods, chosen,
+                mean, own, pose, pose_own,
+            )  # fmt: skip
+            kept = slice(max(at, first), min(end, first + count))
+            here, there = (slice(kept.start - k, kept.stop - k) for k in (first, at))
+            images[here], variance[here] = mean[there], own[there]
+            posed[here], posed_variance[here] = pose[there], pose_own[there]
+        return TracedRows(images, variance, posed, posed_variance)
+
+    def nothing(self, *, poses: int = 0) -> TracedRows:
+        """Pictures of all pixels to which nothing has come yet."""
+        P, S = self.settings.pixels, self.lamp.functions
+        posed, posed_variance = np.zeros((2, P, poses, 3))
+        return TracedRows(np.zeros((P, 3, S), np.float32), np.zeros((P, S), np.float32), posed, posed_variance)
+
+    @property
+    def batches(self) -> int:
+        """Of paths from the lamp."""
+        return 0 if self._light is None else -(-self.settings.particles * self.settings.pixels // _PARTICLES)
+
+    def add_batch(
+        self, batch: int, total: TracedRows, *, weights: Float64[np.ndarray, "poses functions"] | None = None
+    ) -> None:
+        """Add a batch of paths from the lamp to pictures of all pixels; all ``batches`` make the whole."""
+        light = self._light
+        if light is None:
+            return
+        share = 1.0 / (self.batches * _PARTICLES)  # whole batches, so that nothing is compiled twice
+        splats = light.trace(_PARTICLES, seed=_seed(self.settings.seed, _LAMP, batch))
+        if not len(splats.pixel):
+            return
+        order = np.argsort(splats.pixel, kind="stable")
+        starts = np.flatnonzero(np.diff(splats.pixel[order], prepend=-1, append=-1))
+        chosen = np.zeros((0, self.lamp.functions)) if weights is None else weights
+        add_splats(
+            (starts, order, splats.pixel), (splats.particle, splats.colour), splats.left, share, self._scale,
+            self._periods, np.ascontiguousarray(chosen, np.float64), total.images, total.variance,
+            total.posed, total.posed_variance,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BasisImages:
+    """The images of all functions that span a lamp's emission."""
+
+    images: Float32[np.ndarray, "functions height width 3"]
+    variance: Float32[np.ndarray, "functions height width"]  # of the mean of the channels
+    left_out: tuple[str, ...]
+
+
+def basis_images(
+    scene: Scene,
+    lamp: SteeredLamp,
+    camera: Camera,
+    *,
+    settings: ImageSettings,
+    surfaces: SurfaceScene | None = None,
+    report: Report | None = None,
+) -> BasisImages:
+    """All basis images of a lamp, in memory.
+
+    Raises InputError for settings out of range, MissingExtraError without Mitsuba. ``report`` hears the share done.
+    """
+    tracer = BasisTracer(scene, lamp, camera, settings=settings, surfaces=surfaces)
+    H, W = settings.height, settings.width
+    images = np.empty((settings.pixels, 3, lamp.functions), np.float32)
+    variance = np.empty((settings.pixels, lamp.functions), np.float32)
+    rows_at_once = max(1, math.ceil(LANES / (settings.samples * W)))
+    for row in range(0, H, rows_at_once):
+        part = slice(row * W, min(row + rows_at_once, H) * W)
+        rows = tracer.pixels(part.start, part.stop - part.start)
+        images[part], variance[part] = rows.images, rows.variance
+        if report is not None:
+            report(0.9 * part.stop / settings.pixels)
+    caught = TracedRows(images, variance, *np.zeros((2, settings.pixels, 0, 3)))
+    for batch in range(tracer.batches):
+        tracer.add_batch(batch, caught)
+    if report is not None:
+        report(1.0)
+    return BasisImages(
+        np.ascontiguousarray(images.reshape(H, W, 3, -1).transpose(3, 0, 1, 2)),
+        np.ascontiguousarray(variance.reshape(H, W, -1).transpose(2, 0, 1)),
+        tracer.left_out,
+    )
+
+
+def _left_out(
+    surfaces: SurfaceScene, lamp: SteeredLamp, settings: ImageSettings, *, from_lamp: bool
+) -> tuple[str, ...]:
+    """Which paths are in no image."""
+    found = []
+    if not surfaces.delta.any():
+        return ()
+    if lamp.is_point:
+        found.append("the lamp itself in mirrors (a point has no image; give it a radius)")
+        if not from_lamp:
+            found.append("its light through glass or off mirrors onto other surfaces (no paths from the lamp)")
+    if lamp.is_point or not settings.by_chance:
+        found.append("its light through glass or off mirrors onto what is seen in a mirror or through glass")
+    return tuple(found)
+
+
+def _seed(seed: int, stage: int, tile: int) -> int:
+    """For each stage and tile its own."""
+    sequence = np.random.SeedSequence((seed, stage, tile))
+    return int(sequence.generate_state(1)[0] >> 1)

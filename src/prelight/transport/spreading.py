@@ -1,0 +1,65 @@
+"""The gathering operator backwards: from what is asked of receivers to where light would have to be for it.
+
+(Gρ)ᵀ X. A few rows of the solved operator then cost as few products as a few of its columns, and these say what
+any light at all does, through its direct light.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange, types
+
+from ..arrays import Float32
+from .gathering import Gathering
+
+_STRIP = 16  # columns of one thread
+
+
+class Spreading:
+    """A ``Gathering`` whose ``bounce`` is its transpose, so that whatever solves the one solves the other."""
+
+    def __init__(self, gathering: Gathering) -> None:
+        self._gathering = gathering
+
+    def bounce(
+        self, X: Float32[np.ndarray, "vertices columns channels"]
+    ) -> Float32[np.ndarray, "vertices columns channels"]:
+        """(Gρ)ᵀ X, channel by channel."""
+        V, K, C = X.shape
+        gathering = self._gathering
+        coloured = gathering.coloured_entries
+        out = np.zeros((C, V, K), np.float32)
+        wide = [np.ascontiguousarray(X[:, :, c]) for c in range(C)]
+        for tile in gathering.tiles():
+            for c in range(C):
+                values = tile.values[c if coloured == 3 else 0]
+                spread(tile.starts, tile.columns, values, wide[c][tile.rows], out[c])
+        if coloured == 0:
+            out *= gathering.albedo.T[:C, :, None]
+        return np.ascontiguousarray(np.moveaxis(out, 0, 2))
+
+
+_i4_1 = types.Array(types.int32, 1, "C", readonly=True)
+_i8_1 = types.Array(types.int64, 1, "C", readonly=True)
+_f4_1 = types.Array(types.float32, 1, "C", readonly=True)
+_f4_2 = types.Array(types.float32, 2, "C", readonly=True)
+
+
+@njit(cache=True)
+def _spread_strip(starts, columns, values, X, out, low, high):
+    for row in range(len(starts) - 1):
+        x = X[row, low:high]
+        for e in range(starts[row], starts[row + 1]):
+            value, into = values[e], out[columns[e], low:high]
+            for j in range(len(x)):
+                into[j] += value * x[j]
+
+
+@njit([types.void(_i8_1, _i4_1, _f4_1, _f4_2, types.float32[:, ::1])], parallel=True, cache=True)
+def spread(starts, columns, values, X, out):
+    """out (columns, n) += transpose of rows of a sparse matrix times X (rows, n); a thread has whole columns."""
+    n = out.shape[1]
+    for strip in prange((n + _STRIP - 1) // _STRIP):
+        _spread_strip(
+            starts, columns, values, X, out, strip * _STRIP, min(n, (strip + 1) * _STRIP)
+        )

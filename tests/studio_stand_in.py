@@ -1,0 +1,224 @@
+"""A studio that tests hold in their hands: it serves the built page and any radiance, and keeps what it is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from prelight.studio.protocol import FRAME_EXACT, PROTOCOL_VERSION, FrameHeader
+
+BUILT = Path(__file__).resolve().parents[1] / "src/prelight/studio/web/built"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+KINDS = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+SKY = (256, 512)  # rows and columns of a sky that the page is given
+State = dict[str, Any]
+
+
+def packed(colours: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) as rgb9e5, slowly and plainly."""
+    largest = np.maximum(colours.max(axis=1).astype(np.float64), 2.0**-24)
+    exponent = np.clip(np.floor(np.log2(largest)) + 16, 0, 31)
+    over = np.rint(largest * 2.0 ** (24 - exponent)) == 512
+    exponent += over
+    parts = np.rint(colours * 2.0 ** (24 - exponent)[:, None]).astype(np.uint32)
+    return parts[:, 0] | parts[:, 1] << 9 | parts[:, 2] << 18 | exponent.astype(np.uint32) << 27
+
+
+def unpacked(words: np.ndarray) -> np.ndarray:
+    """The colours (n, 3) in rgb9e5."""
+    parts = np.stack([words & 511, words >> 9 & 511, words >> 18 & 511], axis=1)
+    return parts * 2.0 ** ((words >> 27).astype(np.float64) - 24)[:, None]
+
+
+def state(**changed: Any) -> State:
+    """A rig as the page is told of it."""
+    return {
+        "sequence": 0, "author": None, "environment": "stock:noon", "rotation_deg": 0.0, "scale": 1.0,
+        "tint": [1.0, 1.0, 1.0], "discs": [], "stops": 0.0, **changed,
+    }  # fmt: skip
+
+
+def png(colour: tuple[int, int, int] = (120, 150, 200)) -> bytes:
+    import io
+
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.new("RGB", (256, 128), colour).save(file, "PNG")
+    return file.getvalue()
+
+
+@dataclass
+class StandIn:
+    """What the page is told; ``radiance`` makes the rows (receivers, 3) of a state."""
+
+    positions: np.ndarray
+    triangles: np.ndarray
+    radiance: Callable[[State], np.ndarray]
+    cameras: list[dict[str, Any]]
+    welcome: dict[str, Any] = field(default_factory=dict)
+    arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    materials: list[dict[str, Any]] = field(default_factory=lambda: [{"name": "white", "texture": None}])
+    textures: list[bytes] = field(default_factory=list)
+    environments: list[str] = field(default_factory=lambda: ["stock:noon", "stock:sunset"])
+    sky: np.ndarray = field(default_factory=lambda: np.full((SKY[0] * SKY[1], 3), 0.25))
+    preview: Callable[[str], bytes] = lambda name: png()
+    state: State = field(default_factory=state)
+    refuses: str | None = None
+    streaming: bool = False
+    close_with: tuple[int, str] | None = None
+    received: list[dict[str, Any]] = field(default_factory=list)
+    sockets: int = 0
+    port: int = 0
+    _frame: int = 0
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}/"
+
+    def greeting(self) -> dict[str, Any]:
+        vertices = len(self.positions)
+        return {
+            "type": "Welcome", "version": PROTOCOL_VERSION, "visitor": self.sockets, "name": "patches",
+            "receivers": vertices, "vertices": vertices, "triangles": len(self.triangles),
+            "textures": len(self.textures), "resolution": 64, "pixels": None, "eye": None,
+            "cameras": self.cameras,
+            "environments": [{"id": name, "title": f"the sky of {name}"} for name in self.environments],
+            "most_discs": 32, "state": {"type": "State", **self.state}, **self.welcome,
+        }  # fmt: skip
+
+    def geometry(self) -> dict[str, np.ndarray]:
+        vertices = len(self.positions)
+        white = np.ones((vertices, 3), np.float32)
+        return {
+            "positions": self.positions.astype(np.float32), "triangles": self.triangles.astype(np.uint32),
+            "material_of": np.zeros(len(self.triangles), np.uint32), "albedo": white, "tint": white,
+            **self.arrays,
+        }  # fmt: skip
+
+    def frame(self) -> bytes:
+        """A frame of the state as it is."""
+        self._frame += 1
+        words = packed(self.radiance(self.state)).astype("<u4").tobytes()
+        header = bytearray(32)
+        FrameHeader(self._frame, self.state["sequence"], len(words) // 4, 1.5, FRAME_EXACT).write(header)
+        return bytes(header) + words
+
+    # ---- Routes ----------------------------------------------------------------------------------------------
+
+    async def file(self, request):
+        from starlette.responses import Response
+
+        path = BUILT / (request.path_params.get("name") or "index.html")
+        body = path.read_bytes() if path.is_file() else b""
+        headers = {"Content-Security-Policy": POLICY}
+        kind = KINDS.get(path.suffix, "application/octet-stream")
+        return Response(body, 200 if body else 404, headers=headers, media_type=kind)
+
+    async def index(self, request):
+        from starlette.responses import JSONResponse
+
+        kinds = {"float32": "f4", "uint32": "u4", "uint8": "u1"}
+        arrays = {
+            name: {"url": f"/geometry/{name}", "type": kinds[str(a.dtype)], "shape": list(a.shape)}
+            for name, a in self.geometry().items()
+        }
+        counts = {"vertices": len(self.positions), "triangles": len(self.triangles)}
+        return JSONResponse({**counts, "arrays": arrays, "materials": self.materials})
+
+    async def bytes(self, request):
+        from starlette.responses import Response
+
+        what, name = request.path_params["what"], request.path_params["name"]
+        if what == "geometry":
+            body = self.geometry()[name].tobytes()
+        elif what == "texture":
+            body = self.textures[int(name)]
+        else:
+            body = self.preview(name) if what == "preview" else packed(self.sky).astype("<u4").tobytes()
+        kind = "application/octet-stream" if what in ("geometry", "sky") else "image/png"
+        return Response(body, media_type=kind)
+
+    async def talk(self, socket):
+        from starlette.websockets import WebSocketDisconnect
+
+        await socket.accept()
+        self.sockets += 1
+        try:
+            assert json.loads(await socket.receive_text())["type"] == "Hello"
+            if self.close_with is not None:
+                await socket.close(*self.close_with)
+                return
+            await socket.send_text(json.dumps(self.greeting()))
+            await socket.send_bytes(self.frame())
+            while True:
+                await self.answer(socket, json.loads(await socket.receive_text()))
+        except WebSocketDisconnect:
+            pass
+
+    async def answer(self, socket, message: dict[str, Any]) -> None:
+        kind = message.pop("type")
+        self.received.append({"type": kind, **message})
+        if kind == "Seen":
+            if self.streaming:
+                await asyncio.sleep(0.004)
+                await socket.send_bytes(self.frame())
+            return
+        if self.refuses is not None:
+            await socket.send_text(json.dumps({"type": "Refused", "message": kind, "reason": self.refuses}))
+            return
+        self.obey(kind, message)
+        await socket.send_text(json.dumps({"type": "State", **self.state}))
+        await socket.send_bytes(self.frame())
+
+    def obey(self, kind: str, message: dict[str, Any]) -> None:
+        message.pop("dragging", None)
+        if kind == "SetEnvironment":
+            self.state |= {key: value for key, value in message.items() if value is not None}
+        else:
+            others = [disc for disc in self.state["discs"] if disc["id"] != message["id"]]
+            self.state["discs"] = others + ([message] if kind == "SetDisc" else [])
+        self.state |= {"sequence": self.state["sequence"] + 1, "author": self.sockets}
+
+
+@contextmanager
+def serving(stand_in: StandIn, *, port: int = 0) -> Iterator[StandIn]:
+    """Serve it from a thread until the block ends."""
+    import uvicorn
+    from starlette.applications import Starlette
+    from starlette.routing import Route, WebSocketRoute
+
+    routes = [
+        Route("/", stand_in.file),
+        Route("/geometry.json", stand_in.index),
+        Route("/{what:str}/{name:path}", stand_in.bytes),
+        Route("/{name:str}", stand_in.file),
+        WebSocketRoute("/socket", stand_in.talk),
+    ]
+    config = uvicorn.Config(
+        Starlette(routes=routes), port=port, log_level="error", ws="websockets-sansio",
+        ws_per_message_deflate=False, timeout_graceful_shutdown=1,
+    )  # fmt: skip
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        thread.join(0.01)
+        assert thread.is_alive(), "the stand-in did not start"
+    stand_in.port = server.servers[0].sockets[0].getsockname()[1]
+    try:
+        yield stand_in
+    finally:
+        server.should_exit = True
+        thread.join(10)
