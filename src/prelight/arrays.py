@@ -7,7 +7,7 @@ Axes: ``receivers`` rows of T · ``vertices`` · ``triangles`` · ``clusters`` c
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32, Int64, UInt8, UInt16
+from jaxtyping import Float32, Float64, Int32, Int64, UInt8, UInt16, UInt32
 
 Positions = Float32[np.ndarray, "vertices 3"]
 Normals = Float32[np.ndarray, "vertices 3"]
@@ -25,5 +25,5 @@ Bytes = UInt8[np.ndarray, "..."]
 __all__ = [
     "Albedo", "Bytes", "CubeMap", "Directions", "Float32", "Float64", "Int32", "Int64",
     "MaterialOf", "Normals", "Picture", "Positions", "Radiance", "Texture", "TextureCoordinates", "Triangles",
-    "UInt8", "UInt16",
+    "UInt8", "UInt16", "UInt32",
 ]  # fmt: skip

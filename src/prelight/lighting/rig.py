@@ -1,4 +1,4 @@
-"""A rig: everything a designer sets. Today its environment, with discs and paint; a TOML file or a map."""
+"""A rig: everything a designer sets. Its environment, with discs and paint, spots and panels; a TOML file or a map."""
 
 from __future__ import annotations
 
@@ -11,26 +11,31 @@ from ..files import read_regular
 from .disc import Disc
 from .environment import STOCK_PREFIX, Environment
 from .painting import pointing
+from .panel import Panel
 from .quantities import Triple
 from .regions import Cap, Region, Window
-from .rig_file import DiscTable, EnvironmentTable, MapTable, PaintTable, checked_tables
+from .rig_file import DiscTable, EnvironmentTable, MapTable, PaintTable, RigTables, checked_tables
+from .rig_lights import panel_of, spot_of
 from .sky import STOCK_SKIES
+from .spot import Spot
 
 _LARGEST_FILE = 1_000_000
 
 
 @dataclass(frozen=True)
 class Rig:
-    """What lights a bake."""
+    """What lights a bake: an environment, and the lights that steerable layers have places for."""
 
     environment: Environment
+    lights: tuple[Spot | Panel, ...] = ()
 
     @classmethod
     def open(cls, source: str, *, layout: str | None = None) -> Rig:
         """A rig file (.toml), an environment map, or ``stock:NAME``; ``layout`` is the map's, if not recognised.
 
-        A rig file has a table ``[environment]``, ``[[disc]]`` and ``[[paint]]`` tables (docs/rig.md); a map it
-        names is looked for beside it. Raises InputError, with a JSON pointer for what is wrong in the file.
+        A rig file has tables ``[environment]``, ``[[disc]]``, ``[[paint]]``, ``[[spot]]`` and ``[[panel]]``
+        (docs/rig.md); a file it names is looked for beside it. Raises InputError, with a JSON pointer for what is
+        wrong in the file.
         """
         if source in STOCK_SKIES and not Path(source).exists():
             raise InputError(source, f"no such file; did you mean {STOCK_PREFIX}{source}?")
@@ -54,9 +59,24 @@ class Rig:
         try:
             for paint in tables.paint:
                 environment = environment.painted(_region(paint), paint.radiance, opacity=paint.opacity)
-            return cls(environment.with_discs([_disc(disc) for disc in tables.disc]))
+            environment = environment.with_discs([_disc(disc) for disc in tables.disc])
         except InputError as error:  # such as radiance beyond float32
             raise InputError(path, error.reason) from None
+        return cls(environment, _lights(tables, path))
+
+
+def _lights(tables: RigTables, path: Path) -> tuple[Spot | Panel, ...]:
+    made: list[Spot | Panel] = []
+    for kind, rows, light_of in (("spot", tables.spot, spot_of), ("panel", tables.panel, panel_of)):
+        for n, table in enumerate(rows):
+            try:
+                made.append(light_of(table, path.parent))  # ty: ignore[invalid-argument-type]
+            except InputError as error:
+                pointer = f"{path.name} /{kind}/{n}"
+                raise InputError(
+                    error.path, error.reason, f"{error.where}, {pointer}" if error.where else pointer
+                ) from None
+    return tuple(made)
 
 
 def _environment(table: EnvironmentTable, path: Path, *, layout: str | None) -> Environment:

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from ..errors import InputError
 from .layouts import PICTURE_LAYOUTS
-from .regions import LARGEST_RADIUS_DEG, SMALLEST_RADIUS_DEG
+from .rig_fields import (
+    Azimuth,
+    Colour,
+    Elevation,
+    Number,
+    PlacedTable,
+    Positive,
+    Radius,
+    Share,
+    Table,
+    Text,
+)
+from .rig_lights import PanelTable, SpotTable
 
-_MOST_DISCS, _MOST_PAINTS = 1_000, 100
-
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Text = Annotated[str, Field(strict=True)]
-Positive = Annotated[Number, Field(ge=0)]
-Share = Annotated[Number, Field(ge=0, le=1)]
-Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_DEG, le=LARGEST_RADIUS_DEG)]
-Azimuth = Annotated[Number, Field(ge=-360, le=360)]
-Elevation = Annotated[Number, Field(ge=-90, le=90)]
-Colour = tuple[Positive, Positive, Positive]
-Direction = tuple[Number, Number, Number]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+_MOST_DISCS, _MOST_PAINTS, _MOST_LIGHTS = 1_000, 100, 1_000
 
 
-class MapTable(_Table):
+class MapTable(Table):
     """A map of radiance, turned, scaled and tinted."""
 
     map: Text
@@ -63,20 +61,7 @@ class EnvironmentTable(MapTable):
     blend: BlendTable | None = None
 
 
-class _PlacedTable(_Table):
-    direction: Direction | None = None
-    azimuth_deg: Azimuth | None = None
-    elevation_deg: Elevation | None = None
-
-    def _check_direction(self) -> None:
-        angles = (self.azimuth_deg is not None, self.elevation_deg is not None)
-        if any(angles) if self.direction is not None else not all(angles):
-            raise ValueError("expected either direction, or both azimuth_deg and elevation_deg")
-        if self.direction is not None and not any(self.direction):
-            raise ValueError("direction [0, 0, 0] points nowhere; expected where the light comes from")
-
-
-class DiscTable(_PlacedTable):
+class DiscTable(PlacedTable):
     """A disc light; ``name`` is for people."""
 
     name: Text | None = None
@@ -86,11 +71,11 @@ class DiscTable(_PlacedTable):
 
     @model_validator(mode="after")
     def _check(self) -> DiscTable:
-        self._check_direction()
+        self.check_direction()
         return self
 
 
-class PaintTable(_PlacedTable):
+class PaintTable(PlacedTable):
     """A round region, or ranges of azimuth and elevation, mixed with a colour."""
 
     name: Text | None = None
@@ -105,7 +90,7 @@ class PaintTable(_PlacedTable):
     def _check(self) -> PaintTable:
         ranges = (self.azimuth_range_deg, self.elevation_range_deg)
         if ranges == (None, None):
-            self._check_direction()
+            self.check_direction()
             if self.radius_deg is None:
                 raise ValueError("expected radius_deg, or azimuth_range_deg and elevation_range_deg")
             return self
@@ -120,17 +105,22 @@ class PaintTable(_PlacedTable):
         return self
 
 
-class RigTables(_Table):
+class RigTables(Table):
     """All of a rig file."""
 
     environment: EnvironmentTable | None = None
-    disc: Annotated[list[DiscTable], Field(max_length=_MOST_DISCS)] = []
-    paint: Annotated[list[PaintTable], Field(max_length=_MOST_PAINTS)] = []
+    disc: list[DiscTable] = Field(default_factory=list, max_length=_MOST_DISCS)
+    paint: list[PaintTable] = Field(default_factory=list, max_length=_MOST_PAINTS)
+    spot: list[SpotTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
+    panel: list[PanelTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
 
     @model_validator(mode="after")
     def _has_light(self) -> RigTables:
-        if self.environment is None and not self.disc and not self.paint:
-            raise ValueError("no light: expected a table [environment] with map, or [[disc]] tables")
+        lights = (self.disc, self.paint, self.spot, self.panel)
+        if self.environment is None and not any(lights):
+            raise ValueError(
+                "no light: expected a table [environment] with map, [[disc]], [[spot]] or [[panel]]"
+            )
         return self
 
 
@@ -140,6 +130,8 @@ _KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
     ("environment", "blend"): BlendTable,
     ("disc",): DiscTable,
     ("paint",): PaintTable,
+    ("spot",): SpotTable,
+    ("panel",): PanelTable,
 }
 _IN_WORDS = {
     "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",

@@ -51,7 +51,7 @@ class EnvironmentLayer:
     """
 
     def __init__(self, bake: Bake, name: str | None = None) -> None:
-        self.name, record = _found(bake, name)
+        self.name, record = found_layer(bake, name)
         self._bake, self._at = bake, f"layers/{self.name}"
         self.resolution: int = _whole_number(
             bake, "resolution", record.parameters.get("resolution"), LARGEST_RESOLUTION
@@ -229,7 +229,8 @@ def first_broken_tree(rectangles, starts, resolution):
     return -1
 
 
-def _found(bake: Bake, name: str | None) -> tuple[str, LayerRecord]:
+def found_layer(bake: Bake, name: str | None = None) -> tuple[str, LayerRecord]:
+    """An environment layer by name; without it the one named environment, or the first. Raises InputError."""
     environments = [n for n, record in bake.layers.items() if record.kind == KIND]
     if name is None:
         name = KIND if KIND in environments or not environments else environments[0]

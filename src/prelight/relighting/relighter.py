@@ -98,10 +98,19 @@ class Relighter:
 
     @trace_strong.setter
     def trace_strong(self, wanted: bool) -> None:
-        if wanted != self._strong.wanted:
-            self._strong.wanted, environment = wanted, self._environment
-            self._environment = Environment.constant((0.0, 0.0, 0.0))
-            self.environment = environment
+        self.light(self._environment, trace_strong=wanted)
+
+    def light(self, environment: Environment, *, trace_strong: bool) -> None:
+        """Assign ``environment`` and ``trace_strong`` in one go; raises InputError as ``environment`` does."""
+        if trace_strong != self._strong.wanted:
+            self._strong.wanted = trace_strong
+            self._environment = Environment.constant((0.0, 0.0, 0.0))  # so that nothing counts as known
+        self.environment = environment
+
+    @property
+    def can_trace(self) -> bool:
+        """Whether this installation can trace lights for this layer: not, without the renderer, under a fixed eye."""
+        return self._strong.tracer.is_possible
 
     @property
     def strong_lights(self) -> StrongLights:
@@ -122,12 +131,27 @@ class Relighter:
         """
         return self._with_strong(self._live.radiance)
 
-    def traced_radiance(self, lights: StrongLights) -> Radiance:
+    @property
+    def irradiance(self) -> Radiance:
+        """``radiance`` before albedo, (rows, 3): irradiance / π of Lambertian rows, radiance of all others; a copy."""
+        return self._with_strong(self._live.irradiance, irradiance=True)
+
+    @property
+    def clustered_irradiance(self) -> Radiance:
+        """``irradiance`` without what the strong lights that are traced bring; a copy."""
+        return self._live.irradiance
+
+    @property
+    def lambertian(self) -> Int32[np.ndarray, "some"]:
+        """The rows whose radiance is albedo times irradiance / π; radiance toward a fixed eye is kept of the others."""
+        return self._strong.tracer.lambertian
+
+    def traced_radiance(self, lights: StrongLights, *, irradiance: bool = False) -> Radiance:
         """What these lights alone bring, (rows, 3), by a shadow ray for each light and receiver.
 
-        Raises MissingExtraError where that needs the renderer.
+        ``irradiance``: before albedo. Raises MissingExtraError where that needs the renderer.
         """
-        return self._with_strong(np.zeros((self._layer.rows, 3), np.float32), lights)
+        return self._with_strong(np.zeros((self._layer.rows, 3), np.float32), lights, irradiance=irradiance)
 
     def _with_strong(
         self, radiance: Radiance, lights: StrongLights | None = None, *, irradiance: bool = False
@@ -222,7 +246,7 @@ class Relighter:
         behind = self._environment.radiance_along if background == "environment" else background
         irradiance = None
         if self.picture_size is None and self._surface:
-            irradiance = self._with_strong(self._live.irradiance, irradiance=True)
+            irradiance = self.irradiance
         eye, size = self.camera(camera), self.picture_size or _PICTURE
         width, height = width or size[0], height or size[1]
         return self._drawn(self.radiance, irradiance, eye, width=width, height=height, behind=behind)
@@ -240,15 +264,15 @@ class Relighter:
             return view.draw(radiance, irradiance=irradiance, background=behind)
         if (width, height) != own:
             raise InputError("size", f"{width}×{height}, but the pixels of this bake are {own[0]}×{own[1]}")
-        return pixel_picture(radiance, self._coverage, camera=eye, background=behind)
+        return pixel_picture(radiance, self.coverage, camera=eye, background=behind)
 
     def view(self, camera: Camera, *, width: int, height: int, textured: bool = False) -> View:
         """What a camera sees of the vertices; the last few are kept."""
         return self._view(camera, width, height, textured)
 
     @cached_property
-    def _coverage(self) -> Float32[np.ndarray, "height width"]:
-        """The part of each pixel's samples that see the scene: the samples that the layer was made with."""
+    def coverage(self) -> Float32[np.ndarray, "height width"]:
+        """The part of each pixel's samples, as a layer of pixels was made with, that see the scene."""
         samples = self.bake.layers[self._layer.name].parameters.get("samples")
         per_side = math.isqrt(samples) if isinstance(samples, int) and 0 < samples <= 64 else 1
         width, height = self._layer.picture_size or _PICTURE

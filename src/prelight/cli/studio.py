@@ -1,0 +1,146 @@
+"""``prelight studio``: a bake in the browser, its light to be set."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError, escaped
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..storage.bake import Bake
+    from ..studio.server import Studio
+
+
+def studio(
+    bake: str,
+    /,
+    *skies: str,
+    port: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
+    maps: Path | None = None,
+    browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
+    trust: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Show a bake in the browser: look around, turn the sky, set lights. Ctrl-C ends it.
+
+    Only this machine can reach it, by a link that opens it once; Enter in the terminal gives another one. The light
+    that is set is kept beside the bake, in NAME.studio.json.
+
+    Parameters
+    ----------
+    bake
+        NAME.prelight, made by `prelight bake`; or a scene, which is baked first with the usual settings.
+    skies
+        Environment maps or rig files to choose from, as `prelight relight` takes them; our own skies are always there.
+    port
+        Of 127.0.0.1; 8737 if not given, or any free one where that is taken.
+    maps
+        A folder whose .hdr and .exr maps can be chosen too.
+    browser
+        Open the browser.
+    trust
+        Read scene descriptions that may run code or open other files: only if you know who made them.
+    json
+        Print one JSON object with the link on standard output, then serve; no browser is opened.
+    """
+    from ..studio.environments import Environments
+
+    if port is not None and not 0 <= port <= 65535:
+        raise InputError("--port", f"{port}, expected 0 (any) to 65535")
+    for sky in skies:
+        _check_there(sky)
+    environments = Environments(skies, folder=maps)
+    opened = opened_or_baked(bake, trust=trust, quiet=json)
+    serve(opened, environments, port=port, browser=browser and not json, json=json)
+
+
+def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) -> Bake:
+    """A bake by its folder, or of a scene: made beside the working folder, or found there from another time."""
+    from ..errors import PrelightError
+    from ..storage.bake import Bake
+
+    path = Path(source)
+    if path.is_dir() or path.suffix == ".prelight":
+        return Bake.open(path)
+    with printing.waiting("reading the scene"):
+        from ..baking.environment import bake_planned
+        from ..baking.environment_plan import plan_environment
+        from ..baking.environment_settings import EnvironmentSettings
+        from ..scene.loading import load_scene
+
+        scene = load_scene(source, trust=trust)
+    stock = source.startswith("stock:")
+    target = Path((source.removeprefix("stock:") if stock else path.stem) + ".prelight")
+    if target.exists():
+        with contextlib.suppress(PrelightError):
+            found = Bake.open(target)
+            if found.manifest.scene.digest == scene.digest:
+                return found
+        raise InputError(target, "is there already, and is not a bake of this scene; rename it, or open it instead")
+    with printing.waiting("estimating the cost (the first time, compiling too)"):
+        plan = plan_environment(scene, EnvironmentSettings())
+    if not quiet:
+        printing.say(
+            f"{scene.name}: {plan.receivers:,} receivers; baking {printing.count(plan.rays)} rays takes about "
+            f"{printing.duration(plan.seconds)}, {printing.size(plan.bytes)} on disk: {target}"
+        )
+    with printing.progress_bar("baking") as report:
+        return bake_planned(scene, target, plan=plan, resume=True, report=report)
+
+
+def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, json: bool = False) -> None:
+    """The studio of a bake until Ctrl-C."""
+    from ..studio.rig_state import state_file
+    from ..studio.server import Served, Studio
+
+    def note(text: str) -> None:
+        sys.stderr.write(f"prelight: {escaped(text)}\n")
+
+    kept = state_file(bake.path)
+    running = Studio(Served(bake, environments, kept, note), port=port)
+    link = running.new_link()
+    if json:
+        printing.say_json({"url": link})
+    else:
+        printing.say(f"studio of {bake.path}: {link}\nEnter gives another link, Ctrl-C ends the studio")
+    sys.stdout.flush()
+    if browser:
+        threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
+    if not json and sys.stdin.isatty():
+        threading.Thread(target=_give_links, args=(running,), daemon=True).start()
+    try:
+        running.serve()
+    except KeyboardInterrupt as stop:
+        if type(stop) is not KeyboardInterrupt:
+            raise  # SIGTERM
+        if not json:  # Ctrl-C is how one leaves, and nothing is lost
+            printing.say(f"the studio has ended; its light is in {kept}" if kept.exists() else "the studio has ended")
+
+
+def _give_links(running: Studio, read: Callable[[], str] | None = None) -> None:
+    """Another link for each Enter."""
+    with contextlib.suppress(OSError, ValueError):
+        while (read or sys.stdin.readline)():
+            printing.say(running.new_link())
+            sys.stdout.flush()
+
+
+def _check_there(sky: str) -> None:
+    """Raises InputError for a map that is not there, before anything is opened."""
+    from ..lighting.sky import STOCK_SKIES
+
+    name = sky.removeprefix("stock:")
+    if sky.startswith("stock:") and name in STOCK_SKIES:
+        return
+    if sky.startswith("stock:") or ("{face}" not in sky and not Path(sky).exists()):
+        known = ", ".join(STOCK_SKIES)
+        raise InputError(sky, f"no such environment map; expected a file, or stock: and one of {known}")

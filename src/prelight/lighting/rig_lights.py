@@ -1,0 +1,163 @@
+"""The tables [[spot]] and [[panel]] of a rig: lights with a place in the bake, aimed and moved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ..errors import InputError
+from ..files import read_regular
+from ..images.formats import read_radiance_map
+from ..images.textures import read_texture
+from ..images.tonemap import srgb_decode
+from .distributions import Distribution, Gobo, Polynomial, Power
+from .ies import Photometry
+from .painting import pointing
+from .panel import Panel
+from .quantities import Triple
+from .rig_fields import Colour, Direction, Number, PlacedTable, Positive, Text
+from .spot import Spot
+
+_LARGEST_PICTURE = 200_000_000
+Power_ = Annotated[Number, Field(ge=0, le=10_000)]
+Width = Annotated[Number, Field(ge=1, le=350)]
+Spread = Annotated[Number, Field(ge=1, le=170)]
+PanelWidth = Annotated[Number, Field(ge=0.01, le=1)]
+Coefficients = Annotated[list[Number], Field(min_length=1, max_length=41)]
+
+
+class BeamTable(PlacedTable):
+    """Where a light points, and its shape over the directions."""
+
+    layer: Text | None = None
+    name: Text | None = None
+    target: Direction | None = None
+    roll_deg: Number = 0.0
+    power: Power_ | None = None
+    width_deg: Width | None = None
+    polynomial: Coefficients | None = None
+    ies: Text | None = None
+    picture: Text | None = None
+    spread_deg: Spread | None = None
+
+    def check_beam(self) -> None:
+        """Raises ValueError for two directions or two shapes."""
+        if self.target is None:
+            self.check_direction()
+        elif self.has_direction:
+            raise ValueError("expected either a direction or a target, not both")
+        shapes = ("power", "width_deg", "polynomial", "ies", "picture")
+        given = [name for name in shapes if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"expected one of {' and '.join(given)}: each is a shape of its own")
+        if (self.picture is None) != (self.spread_deg is None):
+            raise ValueError("picture and spread_deg belong together")
+        for name in (self.ies, self.picture):
+            if name is not None and "\x00" in name:
+                raise ValueError("the file's name has a NUL character")
+
+
+class SpotTable(BeamTable):
+    """A spot; ``name`` is for people."""
+
+    intensity: Colour | None = None
+    scale: Positive = 1.0
+
+    @model_validator(mode="after")
+    def _check(self) -> SpotTable:
+        self.check_beam()
+        if self.intensity is None and self.ies is None:
+            raise ValueError("intensity is missing: red, green, blue in W/sr along the beam")
+        return self
+
+
+class PanelTable(BeamTable):
+    """A panel; ``name`` is for people. What is said of a direction needs a layer that can be turned."""
+
+    position: Annotated[list[Number], Field(min_length=2, max_length=3)]
+    width: Annotated[list[PanelWidth], Field(min_length=2, max_length=3)] | PanelWidth
+    radiance: Colour
+    scale: Positive = 1.0
+    shape: Literal["raised-cosine", "soft"] = "raised-cosine"
+
+    @property
+    def turns(self) -> bool:
+        """Whether a beam is described."""
+        beam = (self.target, self.power, self.width_deg, self.polynomial, self.ies, self.picture)
+        return self.has_direction or any(value is not None for value in beam)
+
+    @model_validator(mode="after")
+    def _check(self) -> PanelTable:
+        if self.turns:
+            self.check_beam()
+        if isinstance(self.width, list) and len(self.width) != len(self.position):
+            raise ValueError(f"width has {len(self.width)} numbers, position {len(self.position)}")
+        if any(not -1.0 <= part <= 2.0 for part in self.position):
+            raise ValueError("position is in parts of the panel, 0 to 1 along each edge")
+        return self
+
+
+def spot_of(table: SpotTable, folder: Path) -> Spot:
+    """The light of a table; files it names lie beside the rig. Raises InputError."""
+    distribution = _distribution(table, folder)
+    intensity = table.intensity
+    if intensity is None:
+        assert isinstance(distribution, Photometry)  # else there is an intensity: SpotTable
+        peak = distribution.watts[0]
+        intensity = (peak, peak, peak)
+    return _beam(table, distribution, _scaled(intensity, table.scale))
+
+
+def panel_of(table: PanelTable, folder: Path) -> Panel:
+    """The light of a table. Raises InputError."""
+    width = table.width if isinstance(table.width, list) else [table.width] * len(table.position)
+    beam = _beam(table, _distribution(table, folder), (1.0, 1.0, 1.0)) if table.turns else None
+    return Panel(
+        tuple(table.position), tuple(width), _scaled(table.radiance, table.scale),
+        shape=table.shape, beam=beam, layer=table.layer,
+    )  # fmt: skip
+
+
+def _scaled(colour: Triple, scale: float) -> Triple:
+    red, green, blue = colour
+    return red * scale, green * scale, blue * scale
+
+
+def _beam(table: BeamTable, distribution: Distribution | None, intensity: Triple) -> Spot:
+    direction = table.direction
+    if table.azimuth_deg is not None and table.elevation_deg is not None:
+        x, y, z = pointing(table.azimuth_deg, table.elevation_deg).tolist()
+        direction = (x, y, z)
+    return Spot(
+        intensity, direction=direction, target=table.target, distribution=distribution,
+        roll_deg=table.roll_deg, layer=table.layer,
+    )  # fmt: skip
+
+
+def _distribution(table: BeamTable, folder: Path) -> Distribution | None:
+    if table.power is not None:
+        return Power(table.power)
+    if table.width_deg is not None:
+        return Power.of_width(table.width_deg)
+    if table.polynomial is not None:
+        return Polynomial(tuple(table.polynomial))
+    if table.ies is not None:
+        return Photometry.open(folder / table.ies)
+    if table.picture is not None and table.spread_deg is not None:
+        return Gobo(_read_picture(folder / table.picture), table.spread_deg)
+    return None
+
+
+def _read_picture(path: Path) -> np.ndarray:
+    """A linear picture (height, width, 3): EXR and HDR as they are, PNG and JPEG from sRGB."""
+    if path.suffix.lower() in (".exr", ".hdr", ".pfm"):
+        picture = read_radiance_map(path)
+    else:
+        data = read_regular(path, limit=_LARGEST_PICTURE)
+        picture = srgb_decode(read_texture(data, name=str(path)).astype(np.float32) / np.float32(255.0))
+    if not np.isfinite(picture).all() or picture.min() < 0.0 or not picture.max() > 0.0:
+        raise InputError(path, "is all black, or has values that are negative or not finite")
+    return picture

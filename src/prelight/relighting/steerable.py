@@ -1,0 +1,205 @@
+"""Relighting steerable layers: weights of the new aim, place and colour, then one sum over byte planes.
+
+Lights of one layer are added as coefficients first, so that ten spots at one place cost as much as one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ..arrays import Float32, Radiance
+from ..encoding.byte_planes import BLOCK
+from ..errors import InputError
+from ..lighting.panel import Panel
+from ..lighting.spot import Spot
+from .plane_kernels import add_planes
+from .steerable_layer import SteerableLayer
+
+NEGLIGIBLE = 1e-4  # of the picture: planes that together bring less are skipped
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A picture that grows.
+
+    ``radiance`` (pixels, 3) so far; ``planes`` of ``whole`` are in it. ``error``: what is missing is at most this on
+    average over the pixels and channels, as an absolute value.
+    """
+
+    radiance: Radiance
+    planes: int
+    whole: int
+    error: float
+
+
+@dataclass(frozen=True)
+class SteerableUpdate:
+    """What the last change took: planes of all that there are, skipped ones' largest mean error, time and bytes."""
+
+    planes: int
+    whole: int
+    error: float
+    milliseconds: float
+    bytes_read: int
+
+
+@dataclass(frozen=True)
+class _Queue:
+    """Planes of all layers in the order in which they matter."""
+
+    layer: np.ndarray  # (planes,) which layer
+    plane: np.ndarray  # (planes,) which of its planes
+    left: np.ndarray  # (planes + 1,) mean absolute value of all from here on, at most
+
+
+class SteerableRelighter:
+    """Lights with places, aims and shapes, and the picture that follows.
+
+    What follows depends on the lights alone, not on those before.
+
+    Parameters
+    ----------
+    layers
+        At least one; all of one picture's size, with different names.
+
+    Raises
+    ------
+    InputError
+        Otherwise.
+    """
+
+    def __init__(self, layers: Sequence[SteerableLayer]) -> None:
+        if not layers:
+            raise InputError("layers", "none given; this bake has no steerable layer")
+        if len({layer.size for layer in layers}) > 1:
+            raise InputError("layers", "are pictures of different sizes; relight them one by one")
+        self.layers = {layer.name: layer for layer in layers}
+        if len(self.layers) < len(layers):
+            raise InputError("layers", "two have the same name")
+        blocks = layers[0].planes.bytes.shape[0]
+        threads = numba.get_num_threads()
+        self._shares = np.linspace(0, blocks, threads + 1).astype(np.int64)
+        self._weights = {
+            name: np.zeros((3, layer.planes.planes), np.float32) for name, layer in self.layers.items()
+        }
+        self._radiance = np.zeros((layers[0].planes.pixels, 3), np.float32)
+        self.last = SteerableUpdate(0, self._whole, 0.0, 0.0, 0)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the picture."""
+        return next(iter(self.layers.values())).size
+
+    @property
+    def radiance(self) -> Radiance:
+        """Linear radiance (pixels, 3), row by row from the top; a copy."""
+        return self._radiance.copy()
+
+    @property
+    def _whole(self) -> int:
+        return sum(layer.planes.planes for layer in self.layers.values())
+
+    def layer_of(self, light: Spot | Panel) -> SteerableLayer:
+        """The layer that a light names, or the only one. Raises InputError if it is not there or not clear."""
+        if light.layer is None and len(self.layers) == 1:
+            return next(iter(self.layers.values()))
+        if light.layer not in self.layers:
+            given = (
+                "no layer is named" if light.layer is None else f"{light.layer[:60]!r} is not in this bake"
+            )
+            raise InputError("layer", f"{given}; it has {', '.join(self.layers)[:120]}")
+        return self.layers[light.layer]
+
+    def notes(self, lights: Sequence[Spot | Panel]) -> list[str]:
+        """Where what is asked for is only approximated, one line each."""
+        found = []
+        for n, light in enumerate(lights):
+            layer = self.layer_of(light)
+            found += [
+                f"light {n + 1}, layer {layer.name}: {note}" for note in light.notes(layer.basis, layer.place)
+            ]
+        return found
+
+    def light(self, lights: Sequence[Spot | Panel], *, negligible: float = NEGLIGIBLE) -> SteerableUpdate:
+        """Light the scene with these and nothing else; ``negligible`` 0 takes every plane.
+
+        Raises InputError for a light that no layer has.
+        """
+        began = time.perf_counter()
+        self._set(lights)
+        queue = self._queue()
+        taken = self._needed(queue, negligible)
+        picture = self._radiance
+        picture[:] = 0.0
+        read = self._add(queue, slice(0, taken), picture)
+        milliseconds = 1e3 * (time.perf_counter() - began)
+        self.last = SteerableUpdate(taken, self._whole, float(queue.left[taken]), milliseconds, read)
+        return self.last
+
+    def refine(
+        self, lights: Sequence[Spot | Panel], *, step: int = 4, error: float = 0.0
+    ) -> Iterator[Refinement]:
+        """Pictures of these lights that grow by ``step`` planes, those first that matter most (weight × salience).
+
+        Stops where what is missing is at most ``error``, as a mean absolute value. Each picture is a copy; the last
+        becomes ``radiance``.
+        """
+        if step < 1:
+            raise InputError("step", f"{step}, expected at least 1")
+        self._set(lights)
+        queue = self._queue()
+        picture = np.zeros_like(self._radiance)
+        whole = int(np.argmax(queue.left <= error)) if error > 0.0 else len(queue.plane)
+        done = 0
+        while True:
+            following = min(done + step, whole)
+            self._add(queue, slice(done, following), picture)
+            done = following
+            yield Refinement(picture.copy(), done, self._whole, float(queue.left[done]))
+            if done >= whole:
+                break
+        self._radiance = picture
+
+    def _set(self, lights: Sequence[Spot | Panel]) -> None:
+        sums = {name: np.zeros((layer.basis.functions, 3)) for name, layer in self.layers.items()}
+        for light in lights:
+            layer = self.layer_of(light)
+            sums[layer.name] += light.coefficients(layer.basis, layer.place)
+        for name, layer in self.layers.items():
+            self._weights[name] = layer.plane_weights(sums[name])
+
+    def _queue(self) -> _Queue:
+        importance, layers, planes = [], [], []
+        for n, (name, layer) in enumerate(self.layers.items()):
+            weight = np.abs(self._weights[name].T.astype(np.float64))
+            importance.append((weight * layer.planes.salience).mean(axis=1))
+            layers.append(np.full(layer.planes.planes, n))
+            planes.append(np.arange(layer.planes.planes))
+        every = np.concatenate(importance)
+        order = np.argsort(-every, kind="stable")
+        left = np.append(np.cumsum(every[order][::-1])[::-1], 0.0)
+        return _Queue(np.concatenate(layers)[order], np.concatenate(planes)[order].astype(np.int32), left)
+
+    @staticmethod
+    def _needed(queue: _Queue, negligible: float) -> int:
+        """How many planes, so that those left out bring at most that share."""
+        if queue.left[0] == 0.0:
+            return 0
+        return int(np.argmax(queue.left <= negligible * queue.left[0]))
+
+    def _add(self, queue: _Queue, part: slice, picture: Float32[np.ndarray, "pixels 3"]) -> int:
+        """Add planes of the queue to a picture; the bytes that were read."""
+        read = 0
+        for n, (name, layer) in enumerate(self.layers.items()):
+            index = np.sort(queue.plane[part][queue.layer[part] == n])
+            if len(index):
+                weights = np.ascontiguousarray(self._weights[name][:, index])
+                planes = layer.planes
+                add_planes(planes.bytes, planes.scales, index, weights, picture, self._shares)
+                read += len(index) * len(planes.bytes) * 3 * (BLOCK + 4)
+        return read

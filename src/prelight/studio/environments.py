@@ -1,0 +1,175 @@
+"""The environments a visitor can choose: our own skies and the maps named when the studio was started.
+
+A visitor names them by an id of this list, never by a path.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import Float32, UInt32
+from ..bases import cube_map
+from ..errors import InputError
+from ..files import Resolver
+from ..images.tonemap import tonemap
+from ..lighting.environment import STOCK_PREFIX, Environment
+from ..lighting.rig import Rig
+from ..lighting.sky import STOCK_SKIES
+from .protocol import EnvironmentChoice
+
+MAP_SUFFIXES = (".hdr", ".exr")
+_MOST_MAPS = 200
+_KEPT_BYTES = 1_000_000_000  # of opened maps
+_SKY = (256, 512)  # rows and columns of what is shown behind the scene
+_PREVIEW = (128, 256)
+_SMALL_CUBE = 96  # R of the map that is turned while it is dragged
+_METERED_CUBE = 32
+
+
+class Environments:
+    """Choices by their id, opened when first asked for; safe to use from several threads.
+
+    Parameters
+    ----------
+    maps
+        Maps, rig files or folders of six faces, as ``prelight relight`` takes them.
+    folder
+        Whose .hdr and .exr files can be chosen too; no links that lead out of it.
+
+    Raises InputError for a folder that is none, or holds more than 200 maps.
+    """
+
+    def __init__(self, maps: Sequence[str] = (), *, folder: Path | None = None) -> None:
+        self._sources: dict[str, str] = {}
+        self._titles: dict[str, str] = {}
+        for source in (*maps, *(_maps_in(folder) if folder else ())):
+            if source.removeprefix(STOCK_PREFIX) in STOCK_SKIES and source.startswith(STOCK_PREFIX):
+                continue  # listed below anyway
+            self._add(_id_of(source, self._sources), source, title=Path(source).name)
+        for name, sky in STOCK_SKIES.items():
+            self._add(STOCK_PREFIX + name, STOCK_PREFIX + name, title=f"{name.capitalize()}: {sky.title}")
+        self._opened: OrderedDict[str, Environment] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def _add(self, key: str, source: str, *, title: str) -> None:
+        self._sources[key], self._titles[key] = source, title
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._sources
+
+    @property
+    def choices(self) -> tuple[EnvironmentChoice, ...]:
+        """All, those named first in front."""
+        return tuple(EnvironmentChoice(key, self._titles[key]) for key in self._sources)
+
+    def open(self, key: str) -> Environment:
+        """The environment of an id. Raises InputError if there is none, or its file cannot be read."""
+        if key not in self._sources:
+            raise InputError("environment", f"{key[:80]!r}, expected one of {', '.join(self._sources)}")
+        with self._lock:
+            if key not in self._opened:
+                self._opened[key] = Rig.open(self._sources[key]).environment
+            self._opened.move_to_end(key)
+            while len(self._opened) > 1 and sum(map(_bytes_of, self._opened.values())) > _KEPT_BYTES:
+                self._opened.popitem(last=False)
+            return self._opened[key]
+
+    def stops(self, key: str) -> float:
+        """The exposure that suits a map by itself: a white surface that faces its light best shows as one."""
+        if key.startswith(STOCK_PREFIX):
+            return 0.0  # they are painted for it
+        return suitable_stops(self.open(key))
+
+
+def _id_of(source: str, known: dict[str, str]) -> str:
+    name = Path(source).name or "map"
+    return name if name not in known else f"{name} ({len(known)})"
+
+
+def _maps_in(folder: Path) -> list[str]:
+    """The maps in a folder by name, those that are links leading out of it left out."""
+    resolver = Resolver(folder)
+    try:
+        names = sorted(n for n in os.listdir(resolver.root) if n.lower().endswith(MAP_SUFFIXES))
+    except OSError:
+        raise InputError(folder, "expected a folder of environment maps (.hdr or .exr)") from None
+    if len(names) > _MOST_MAPS:
+        raise InputError(folder, f"{len(names)} maps, at most {_MOST_MAPS} can be chosen from")
+    found = []
+    for name in names:
+        try:
+            path = resolver.path(name)
+        except InputError:
+            continue
+        if path.is_file():
+            found.append(str(path))
+    return found
+
+
+def _bytes_of(environment: Environment) -> int:
+    return environment.pixels.nbytes + sum(map(_bytes_of, environment.parts))
+
+
+# ---- What is made of one -----------------------------------------------------------------------------------------
+
+
+def latlong(environment: Environment, rows: int, columns: int) -> Float32[np.ndarray, "rows columns 3"]:
+    """An environment without its discs as a latitude-longitude map, seen at the middle of each pixel."""
+    v, u = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij")
+    azimuth, polar = (u - 0.5) * (2 * np.pi), v * np.pi
+    d = np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)], axis=-1)
+    seen = environment.with_discs(()).radiance_along(d.reshape(-1, 3).astype(np.float32))
+    return seen.reshape(rows, columns, 3)
+
+
+def _averaged(environment: Environment, rows: int, columns: int) -> Float32[np.ndarray, "rows columns 3"]:
+    """The same from two by two points a pixel, lest a small sun be missed or made large."""
+    fine = latlong(environment, 2 * rows, 2 * columns)
+    return fine.reshape(rows, 2, columns, 2, 3).mean(axis=(1, 3), dtype=np.float32)
+
+
+def small(environment: Environment) -> Environment:
+    """A coarse cube map with the same light, quick to turn; discs that belong to it stay discs."""
+    if environment.layout == "cube" and environment.pixels.shape[1] <= _SMALL_CUBE and not environment.parts:
+        return environment
+    return replace(Environment.from_cube(environment.with_discs(()).cube(_SMALL_CUBE)), discs=environment.discs)
+
+
+def suitable_stops(environment: Environment) -> float:
+    """−log₂ of the largest radiance that a white diffuse surface facing one of six ways has; 0 in the dark."""
+    R = _METERED_CUBE
+    cube = environment.cube(R) @ np.array([0.2126, 0.7152, 0.0722], np.float32)
+    d = cube_map.texel_directions(np.arange(6 * R * R, dtype=np.int32), R)
+    light = (cube * cube_map.solid_angles(R)).reshape(-1)
+    facing = np.maximum(np.concatenate([d, -d], axis=1), 0.0)
+    brightest = float((light @ facing).max()) / math.pi
+    return round(-math.log2(brightest), 2) if brightest > 0 else 0.0
+
+
+def preview_png(environment: Environment, stops: float) -> bytes:
+    """A picture of 256×128 pixels, as displayed."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    picture = tonemap(_averaged(environment, *_PREVIEW), exposure=stops)
+    Image.fromarray(picture).save(out, "PNG", compress_level=6)
+    return out.getvalue()
+
+
+def sky_words(environment: Environment) -> UInt32[np.ndarray, "texels"]:
+    """A map of 512×256 pixels in rgb9e5, the top row first: what is seen behind the scene."""
+    from .rgb9e5_kernels import pack
+
+    pixels = np.ascontiguousarray(_averaged(environment, *_SKY).reshape(-1, 3))
+    out = np.empty(len(pixels), np.uint32)
+    pack(pixels, np.ones(3, np.float32), np.zeros_like(pixels), out, 1)
+    return out

@@ -1,0 +1,270 @@
+"""Where visitors meet: messages of all go to one session, its frames and states to all."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from ..errors import InputError, PrelightError
+from .environments import Environments
+from .protocol import (
+    MOST_DISCS,
+    PROTOCOL_VERSION,
+    ClientMessage,
+    Hello,
+    Refused,
+    Seen,
+    ServerMessage,
+    SetEnvironment,
+    State,
+    Waiting,
+    Welcome,
+    decode,
+)
+from .rig_state import initial, load, save
+from .session import Frame, Listener, Session
+from .shown import Shown
+from .visitor import Visitor
+
+MOST_VISITORS = 30
+_HELLO_WITHIN = 5.0  # seconds
+_SAVE_AFTER = 0.3  # seconds from a change, whatever comes after it
+
+
+class Hub:
+    """The visitors of a studio, and the session that they share. Lives on the event loop.
+
+    Parameters
+    ----------
+    state_file
+        Where the rig is kept; read when the hub is made. One that is damaged, or not the studio's, is left as it is
+        and the rig is not kept.
+    note
+        Is told, in a line, what the person at the terminal should know.
+    failed
+        Is called when the session cannot go on.
+    """
+
+    def __init__(
+        self,
+        shown: Shown,
+        environments: Environments,
+        *,
+        state_file: Path,
+        note: Callable[[str], None],
+        failed: Callable[[BaseException], None],
+    ) -> None:
+        self._shown, self._environments, self._note, self._failed = shown, environments, note, failed
+        self._file: Path | None = state_file
+        self._visitors: set[Visitor] = set()
+        self._sockets: set[WebSocket] = set()
+        self._numbers = 0
+        self._frame: Frame | None = None
+        self._waiting: str | None = None
+        self._saving: asyncio.Task[None] | None = None
+        self._saved = self._first_state()
+        self._session = Session(
+            shown.bake, environments, state=self._saved, listener=self._listener()
+        )
+
+    def _first_state(self) -> State:
+        """What is kept of the last visit, or the first map as it is."""
+        start = initial(self._environments.choices[0].id)
+        if self._file is None or not self._file.exists():
+            return start
+        try:
+            kept = load(self._file, start)
+        except InputError as error:
+            self._note(f"{error}; it is left as it is, and the rig is not kept this time")
+            self._file = None
+            return start
+        if kept.environment not in self._environments:
+            self._note(f"the environment {kept.environment!r} of the last visit is not there; name its map again")
+            kept = replace(kept, environment=start.environment)
+        return kept
+
+    def start(self) -> None:
+        """Begin, on the running event loop."""
+        self._loop = asyncio.get_running_loop()
+        self._session.start()
+
+    async def stop(self) -> None:
+        """End the session and keep its rig."""
+        await asyncio.to_thread(self._session.stop)
+        if self._saving is not None:
+            self._saving.cancel()
+        self._save(self._session.state)
+
+    # ---- From the session's thread ----------------------------------------------------------------------
+
+    def _listener(self) -> Listener:
+        def on_loop(function: Callable) -> Callable:
+            def call(value: object) -> None:
+                with contextlib.suppress(RuntimeError):  # the loop has ended
+                    self._loop.call_soon_threadsafe(function, value)
+
+            return call
+
+        return Listener(
+            frame=on_loop(self._show),
+            waiting=on_loop(self._wait),
+            stops=on_loop(self._tell_all),
+            refused=on_loop(lambda error: self._tell_all(Refused("State", str(error)))),
+            failed=on_loop(self._failed),
+        )
+
+    def _show(self, frame: Frame) -> None:
+        self._frame = frame
+        for visitor in self._visitors:
+            visitor.show(frame)
+        self._look_for_room()
+
+    def _wait(self, reason: str | None) -> None:
+        self._waiting = reason
+        self._tell_all(Waiting(reason))
+
+    def _tell_all(self, message: ServerMessage) -> None:
+        for visitor in self._visitors:
+            visitor.tell(message)
+
+    def _look_for_room(self) -> None:
+        self._session.set_room(has_room=not self._visitors or any(v.has_room for v in self._visitors))
+
+    # ---- A visit -----------------------------------------------------------------------------------------
+
+    async def visit(self, socket: WebSocket) -> None:
+        """Serve a page until it goes."""
+        await socket.accept()
+        if len(self._sockets) >= MOST_VISITORS:
+            await socket.close(1013, f"{MOST_VISITORS} pages are open already")
+            return
+        self._sockets.add(socket)
+        try:
+            if await self._greeted(socket):
+                await self._serve(socket)
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # it went away while something was sent
+        finally:
+            self._sockets.discard(socket)
+
+    async def _greeted(self, socket: WebSocket) -> bool:
+        """Whether the first message is a ``Hello`` of our version; otherwise the socket is closed with a sentence."""
+        try:
+            async with asyncio.timeout(_HELLO_WITHIN):
+                hello = await _received(socket)
+        except (TimeoutError, InputError):
+            hello = None
+        if not isinstance(hello, Hello):
+            await socket.close(1002, "expected Hello with the version of the page")
+            return False
+        if hello.version != PROTOCOL_VERSION:
+            said = f"the page speaks version {hello.version}, the studio {PROTOCOL_VERSION}; load the page anew"
+            await socket.close(1002, said)
+            return False
+        return True
+
+    async def _serve(self, socket: WebSocket) -> None:
+        self._numbers += 1
+        visitor = Visitor(self._numbers)
+        visitor.tell(await self._welcome(visitor))
+        if self._waiting is not None:
+            visitor.tell(Waiting(self._waiting))
+        self._visitors.add(visitor)
+        if self._frame is not None:
+            visitor.show(self._frame)
+        sender = asyncio.create_task(
+            visitor.send_all(socket.send_text, socket.send_bytes, has_room=self._look_for_room)
+        )
+        try:
+            await self._listen(socket, visitor)
+        finally:
+            self._visitors.discard(visitor)
+            sender.cancel()
+            self._look_for_room()
+
+    async def _welcome(self, visitor: Visitor) -> Welcome:
+        shown = self._shown
+        cameras, eye, pixels = await asyncio.to_thread(lambda: (shown.cameras, shown.eye, shown.pixels))
+        return Welcome(
+            version=PROTOCOL_VERSION,
+            visitor=visitor.number,
+            name=shown.bake.manifest.scene.name,
+            receivers=shown.rows,
+            vertices=shown.vertices,
+            triangles=shown.triangles,
+            textures=shown.textures,
+            resolution=shown.resolution,
+            pixels=pixels,
+            eye=eye,
+            cameras=cameras,
+            environments=self._environments.choices,
+            most_discs=MOST_DISCS,
+            state=self._session.state,
+        )
+
+    async def _listen(self, socket: WebSocket, visitor: Visitor) -> None:
+        while True:
+            try:
+                message = await _received(socket)
+                is_seen = isinstance(message, Seen)
+            except InputError as error:
+                visitor.tell(Refused("message", str(error)))
+                is_seen, message = False, None
+            if not visitor.may_send(is_seen=is_seen):
+                await socket.close(1008, "too many messages")
+                return
+            if isinstance(message, Seen):
+                visitor.seen(message)
+                self._look_for_room()
+            elif message is not None:
+                await self._obey(message, visitor)
+
+    async def _obey(self, message: ClientMessage, visitor: Visitor) -> None:
+        try:
+            if isinstance(message, Hello | Seen):
+                raise InputError("Hello", "said already; expected once, as the first message")
+            if isinstance(message, SetEnvironment) and message.environment is not None:
+                await asyncio.to_thread(self._environments.open, message.environment)  # or it is not accepted
+            state = self._session.change(message, author=visitor.number)
+        except InputError as error:
+            visitor.tell(Refused(type(message).__name__, str(error)))
+            return
+        self._tell_all(state)
+        self._save_soon()
+
+    # ---- Keeping the rig ---------------------------------------------------------------------------------
+
+    def _save_soon(self) -> None:
+        if self._saving is None or self._saving.done():
+            self._saving = asyncio.create_task(self._save_later())
+
+    async def _save_later(self) -> None:
+        while self._session.state.sequence != self._saved.sequence and self._file is not None:
+            await asyncio.sleep(_SAVE_AFTER)
+            await asyncio.to_thread(self._save, self._session.state)
+
+    def _save(self, state: State) -> None:
+        if self._file is None or state.sequence == self._saved.sequence:
+            return
+        try:
+            save(state, self._file)
+            self._saved = state
+        except PrelightError as error:
+            self._file = None
+            self._note(f"{error}; the rig is not kept")
+
+
+async def _received(socket: WebSocket) -> ClientMessage:
+    """The next message. Raises InputError for one that is none, WebSocketDisconnect at the end."""
+    event = await socket.receive()
+    if event["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(event.get("code") or 1005)
+    text = event.get("text")
+    if text is None:
+        raise InputError("message", "binary, expected text")
+    return decode(text)

@@ -1,0 +1,162 @@
+"""What a rig brings to a bake, taken apart by linearity so that each change costs no more than it must.
+
+B = gain · T·(map as turned) + T·(discs). A change of scale or tint changes the gain, with which radiance is
+packed, and nothing else; a change of a disc is a local change; only another map or turn is a full product.
+While something is dragged a map is turned coarsely and no shadow is traced; at rest the light is the exact one,
+which depends on the state alone: every sum is made anew, in one order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from ..arrays import Float32, Radiance
+from ..lighting.disc import Disc
+from ..lighting.environment import Environment
+from ..relighting.pace import Pace
+from ..relighting.relighter import Relighter
+from ..relighting.strong_lights import StrongLights, strong_discs
+from ..storage.bake import Bake
+from .environments import Environments, small
+from .protocol import HEADER_BYTES, MOST_DISCS, State
+from .rgb9e5_kernels import pack
+from .rig_state import lit_discs
+
+_COARSE_RESOLUTION = 64  # R of a map while it is turned
+_TRACED_AT_ONCE = 4  # strong lights between two looks at whether the light is still wanted
+
+
+@dataclass(frozen=True)
+class Lit:
+    """A part of the light that is there: what it is of, what it brings (rows, 3), and whether exactly."""
+
+    key: object
+    irradiance: Radiance
+    exact: bool
+    strong: int = 0
+
+
+class Light:
+    """The radiance of a bake's rows under a rig. Owned by one thread.
+
+    Radiance is irradiance / π of Lambertian rows, without colour, and radiance of all others.
+
+    Raises
+    ------
+    InputError, DamagedBakeError
+        As ``Relighter``.
+    """
+
+    def __init__(self, bake: Bake, environments: Environments) -> None:
+        self._environments = environments
+        self._sky = Relighter(bake, trace_strong=False)
+        self._front = Relighter(bake, trace_strong=False)  # the discs, in front of darkness
+        self._dark = self._front.environment
+        rows = len(self._sky.clustered_irradiance)
+        self._no_light = np.zeros((rows, 3), np.float32)
+        self._map: Lit | None = None
+        self._small: tuple[str, Environment] | None = None
+        self._discs = Lit((), self._no_light, True)
+        self._pack = Pace(pack)
+
+    @property
+    def rows(self) -> int:
+        return len(self._no_light)
+
+    def relight(self, state: State, *, exact: bool, check: Callable[[], None]) -> tuple[bool, str, int]:
+        """Make the light that of a state: whether it is exact now, how it was made, how many lights are traced.
+
+        ``check`` is called now and then, and may raise to give up; what is there stays. Without ``exact`` what is there of an
+        exact light is kept, where it is of this state.
+        """
+        how = "gain"
+        key = state.environment, state.rotation_deg
+        known = self._map is not None and self._map.key == key
+        if not known or (exact and not (self._map and self._map.exact)):
+            self._map = self._exact_map(*key, check=check) if exact else self._coarse_map(*key)
+            how = self._sky.last.kind
+        discs = lit_discs(state)
+        if self._discs.key != discs or (exact and not self._discs.exact):
+            self._discs = self._exact_discs(discs, check=check) if exact else self._coarse_discs(discs)
+            how = "full" if how == "full" else "local"
+        assert self._map is not None
+        return self._map.exact and self._discs.exact, how, self._map.strong + self._discs.strong
+
+    def frame(self, state: State) -> bytearray:
+        """The light that is there, times the state's gain, as a radiance frame; its header is left empty."""
+        data = bytearray(HEADER_BYTES + 4 * self.rows)
+        words = np.frombuffer(data, np.uint32, offset=HEADER_BYTES)
+        gain = (state.scale * np.array(state.tint)).astype(np.float32)
+        assert self._map is not None
+        lit = self._map.irradiance, gain, self._discs.irradiance
+        self._pack(28 * self.rows, *lit, words, numba.get_num_threads())
+        return data
+
+    def warm(self, state: State) -> None:
+        """Do once what the first drag would wait for. What is lit stays as it is."""
+        self._small_map(state.environment)
+        glimmer = Disc((0.0, 1.0, 0.0), 20.0, (1.0, 1.0, 1.0))
+        known = self._front.environment
+        for discs in ((*known.discs, glimmer), known.discs):
+            self._front.environment = self._dark.with_discs(discs[-MOST_DISCS:])
+
+    # ---- The map -----------------------------------------------------------------------------------------
+
+    def _coarse_map(self, name: str, rotation_deg: float) -> Lit:
+        """The map at low resolution, no lights traced."""
+        turned = self._small_map(name).rotated(rotation_deg)
+        cube = turned.cube(min(_COARSE_RESOLUTION, self._sky.resolution))
+        self._sky.light(Environment.from_cube(cube), trace_strong=False)
+        return Lit((name, rotation_deg), self._sky.clustered_irradiance, exact=False)
+
+    def _small_map(self, name: str) -> Environment:
+        if self._small is None or self._small[0] != name:
+            self._small = name, small(self._environments.open(name))
+        return self._small[1]
+
+    def _exact_map(self, name: str, rotation_deg: float, *, check: Callable[[], None]) -> Lit:
+        environment = self._environments.open(name).rotated(rotation_deg)
+        check()
+        self._sky.light(environment, trace_strong=True)
+        check()
+        if self._sky.last.kind != "full":  # increments remember what they came from
+            self._sky.refresh()
+        strong = self._sky.strong_lights
+        irradiance = self._sky.clustered_irradiance
+        self._add_traced(irradiance, strong, check=check)
+        return Lit((name, rotation_deg), irradiance, exact=True, strong=len(strong))
+
+    # ---- The discs ---------------------------------------------------------------------------------------
+
+    def _coarse_discs(self, discs: tuple[Disc, ...]) -> Lit:
+        self._front.environment = self._dark.with_discs(discs)
+        return Lit(discs, self._front.clustered_irradiance if discs else self._no_light, exact=not discs)
+
+    def _exact_discs(self, discs: tuple[Disc, ...], *, check: Callable[[], None]) -> Lit:
+        """Small strong discs by rays, the others from nothing, so that no increment is left of what was before."""
+        total = sum((disc.total for disc in discs), np.zeros(3))
+        strong, others = strong_discs(discs, total, self._front.resolution)
+        if not self._can_trace:
+            strong, others = strong.chosen([]), list(discs)
+        self._front.environment = self._dark.with_discs(())
+        self._front.environment = self._dark.with_discs(others)
+        irradiance = self._front.clustered_irradiance if others else self._no_light.copy()
+        self._add_traced(irradiance, strong, check=check)
+        return Lit(discs, irradiance, exact=True, strong=len(strong))
+
+    @property
+    def _can_trace(self) -> bool:
+        """The rows that a fixed eye sees need the renderer for it."""
+        return self._front.can_trace
+
+    def _add_traced(
+        self, irradiance: Float32[np.ndarray, "rows 3"], lights: StrongLights, *, check: Callable[[], None]
+    ) -> None:
+        for first in range(0, len(lights), _TRACED_AT_ONCE):
+            check()
+            some = lights.chosen(range(first, min(first + _TRACED_AT_ONCE, len(lights))))
+            irradiance += self._sky.traced_radiance(some, irradiance=True)

@@ -1,0 +1,86 @@
+"""The page's half of the protocol, ``web/source/messages.ts``, written from ``protocol``.
+
+``python -m prelight.studio.typescript`` writes it anew; a test fails where it is not current.
+"""
+
+from __future__ import annotations
+
+import types
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+from . import protocol
+from ..files import publish
+
+TARGET = Path(__file__).parent / "web" / "source" / "messages.ts"
+_PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
+_HEADER_FIELDS = ("magic", "frame", "sequence", "count", "milliseconds", "flags")
+
+
+def messages_module() -> str:
+    """The text of ``messages.ts``."""
+    client, server = get_args(protocol.ClientMessage), get_args(protocol.ServerMessage)
+    parts = [protocol.CameraView, protocol.EnvironmentChoice, protocol.DiscLight]
+    blocks = [
+        "// Written by prelight.studio.typescript from protocol.py: change that and write this anew.\n",
+        *(f"export const {name} = {value};" for name, value in _constants().items()),
+        "",
+        "/** Byte offsets in the header of a radiance frame, little-endian. */",
+        "export const HEADER = {" + ", ".join(f"{f}: {4 * i}" for i, f in enumerate(_HEADER_FIELDS)) + "} as const;",
+        "",
+        *(_interface(kind, tagged=False, optional=False) for kind in parts),
+        *(_interface(kind, tagged=True, optional=True) for kind in client),
+        _union("ClientMessage", client),
+        *(_interface(kind, tagged=True, optional=False) for kind in server),
+        _union("ServerMessage", server),
+    ]
+    return "\n".join(blocks)
+
+
+def _constants() -> dict[str, int | float]:
+    names = (
+        "PROTOCOL_VERSION", "MOST_DISCS", "FRAMES_IN_FLIGHT", "LARGEST_SCALE", "LARGEST_TINT", "LARGEST_RADIANCE",
+        "SMALLEST_RADIUS_DEG", "LARGEST_RADIUS_DEG", "FRAME_MAGIC", "FRAME_EXACT", "HEADER_BYTES",
+    )  # fmt: skip
+    return {name: getattr(protocol, name) for name in names}
+
+
+def _union(name: str, kinds: tuple[type, ...]) -> str:
+    return f"export type {name} = " + " | ".join(kind.__name__ for kind in kinds) + ";\n"
+
+
+def _interface(kind: type, *, tagged: bool, optional: bool) -> str:
+    hints = get_type_hints(kind)
+    lines = [f'  type: "{kind.__name__}";'] if tagged else []
+    lines += [_field(field, hints[field.name], optional=optional) for field in fields(kind)]
+    comment = " ".join((kind.__doc__ or "").split())
+    return f"/** {comment} */\nexport interface {kind.__name__} {{\n" + "\n".join(lines) + "\n}\n"
+
+
+def _field(field: Field, hint: Any, *, optional: bool) -> str:
+    may_be_left_out = optional and field.default is not MISSING
+    return f"  {field.name}{'?' if may_be_left_out else ''}: {_typed(hint)};"
+
+
+def _typed(hint: Any) -> str:
+    """A Python annotation as TypeScript has it."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _typed(arguments[0])
+    if origin in (Union, types.UnionType):
+        return " | ".join(_typed(a) for a in arguments)
+    if origin is tuple and arguments[-1] is Ellipsis:
+        return f"{_typed(arguments[0])}[]"
+    if origin is tuple:
+        return "[" + ", ".join(_typed(a) for a in arguments) + "]"
+    return _PLAIN.get(hint) or hint.__name__
+
+
+def main() -> None:
+    """Write ``messages.ts``."""
+    publish(TARGET, messages_module().encode())
+
+
+if __name__ == "__main__":
+    main()

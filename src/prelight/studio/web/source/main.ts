@@ -1,0 +1,212 @@
+// The page of prelight studio: connects what the studio says to what is seen, and what is touched to the studio.
+
+import "./studio.css";
+import { fetchGeometry } from "./geometry";
+import { readFrame } from "./frames";
+import { Link, type Standing } from "./link";
+import type { CameraView, ServerMessage, State, Welcome } from "./messages";
+import { PROTOCOL_VERSION } from "./messages";
+import { Metrics } from "./metrics";
+import { Rig } from "./rig";
+import { button, element, wrapped } from "./panel/elements";
+import { bindKeys } from "./panel/keys";
+import { LightsPanel } from "./panel/lights_panel";
+import { Notices } from "./panel/notices";
+import { PaceCorner } from "./panel/pace";
+import { PicturePanel } from "./panel/picture_panel";
+import { SkyPanel } from "./panel/sky_panel";
+import { Stage } from "./view/stage";
+
+const TURN_KEY_DEG = 5;
+
+class Page {
+  private readonly metrics = new Metrics();
+  private readonly notices = new Notices(found("notices"));
+  private readonly stage = new Stage(found("stage"), this.metrics);
+  private readonly link = new Link({
+    message: (message) => this.take(message),
+    frame: (data) => this.takeFrame(data),
+    standing: (standing) => this.takeStanding(standing),
+  });
+  private readonly rig = new Rig((change) => this.link.send(change));
+  private readonly lights = new LightsPanel(this.rig);
+  private readonly sky = new SkyPanel(this.rig, (map) => this.lights.strip.showMap(map));
+  private readonly picture = new PicturePanel(this.stage);
+  private readonly corner = new PaceCorner(found("pace"), this.metrics);
+  private welcome: Welcome | null = null;
+  private state: State | null = null;
+
+  start(): void {
+    this.metrics.version = PROTOCOL_VERSION;
+    const panel = found("panel");
+    panel.append(this.sky.part, this.lights.part, this.picture.part);
+    new ResizeObserver(() => this.cover()).observe(panel);
+    window.addEventListener("resize", () => this.cover());
+    this.rig.follow((look) => {
+      this.sky.show(look);
+      this.lights.show(look);
+      this.stage.showLook(look);
+      this.picture.suit(look.environment, look.stops);
+    });
+    this.stage.onDraw(() => {
+      const azimuth = this.stage.heading();
+      this.sky.dome.showHeading(azimuth);
+      this.lights.showHeading(azimuth);
+    });
+    const help = bindKeys([
+      { keys: ["[", ","], shown: "[", does: "turn the sky to the left", run: () => this.turn(TURN_KEY_DEG) },
+      { keys: ["]", "."], shown: "]", does: "turn the sky to the right", run: () => this.turn(-TURN_KEY_DEG) },
+      { keys: ["e"], shown: "e", does: "expose brighter", run: () => this.picture.brighten(0.5) },
+      { keys: ["d"], shown: "d", does: "expose darker", run: () => this.picture.brighten(-0.5) },
+      { keys: ["a"], shown: "a", does: "expose for what is seen", run: () => this.picture.meter() },
+      { keys: ["l"], shown: "l", does: "add a light", run: () => this.lights.addAside() },
+      { keys: ["h"], shown: "h", does: "hide everything but the scene, and back", run: () => this.hide() },
+      { keys: ["?"], shown: "?", does: "this sheet", run: () => help() },
+    ]);
+    found("pace").append(button("?", () => help(), { class: "help", "aria-label": "Keys", title: "Keys (?)" }));
+    this.expose();
+    this.link.open();
+  }
+
+  private take(message: ServerMessage): void {
+    switch (message.type) {
+      case "Welcome":
+        void this.open(message);
+        break;
+      case "State":
+        this.state = message;
+        this.rig.receive(message);
+        break;
+      case "Refused":
+        this.notices.toast(message.reason);
+        this.rig.takeBack(this.state);
+        break;
+      case "Waiting":
+        this.corner.wait(message.reason ?? "");
+        if (!this.metrics.ready && message.reason !== null) this.notices.opening(message.reason);
+        break;
+      case "Pace":
+        this.corner.take(message);
+        break;
+    }
+  }
+
+  /** A frame has arrived: keep it for the next picture, and ask for another. */
+  private takeFrame(data: ArrayBuffer): void {
+    const began = performance.now();
+    const frame = readFrame(data);
+    if (frame === null) return;
+    this.stage.take(frame);
+    this.link.send({ type: "Seen", frame: frame.number });
+    this.metrics.arrived(frame, performance.now() - began);
+    if (this.welcome !== null) this.opened();
+  }
+
+  private takeStanding(standing: Standing): void {
+    this.metrics.standing = standing.is;
+    document.documentElement.classList.toggle("lost", standing.is !== "open");
+    this.notices.standing(standing);
+  }
+
+  private async open(welcome: Welcome): Promise<void> {
+    this.rig.visitor = welcome.visitor;
+    this.state = welcome.state;
+    const before = this.welcome;
+    const isSame = before !== null && identity(before) === identity(welcome);
+    if (!isSame) {
+      this.notices.opening(`Opening ${welcome.name}`);
+      document.title = `${welcome.name} · Prelight`;
+      found("title").replaceChildren(element("h1", {}, welcome.name), element("p", {}, summary(welcome)));
+      this.lights.allow(welcome.most_discs);
+      this.sky.offer(welcome.environments);
+      this.offerCameras(welcome);
+    }
+    this.welcome = welcome;
+    this.rig.receive(welcome.state);
+    if (isSame) return;
+    try {
+      const geometry = await fetchGeometry((done, all) => {
+        const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
+        this.notices.opening(`Opening ${welcome.name}: ${megabytes(done)} of ${megabytes(all)} MB`, done / all);
+      });
+      this.stage.show(welcome, geometry);
+      this.cover();
+      this.metrics.ready = true;
+      this.opened();
+    } catch (error) {
+      this.notices.toast(error instanceof Error ? error.message : "The scene could not be opened.");
+    }
+  }
+
+  /** Lift the veil once there is both a scene and light on it. */
+  private opened(): void {
+    if (this.metrics.ready && this.metrics.updates > 0) this.notices.opened();
+    else if (this.metrics.ready) this.notices.opening("Waiting for the first light");
+  }
+
+  private offerCameras({ cameras, pixels }: Welcome): void {
+    const eyes = found("eyes");
+    const buttons = cameras.map((camera, i) => {
+      const made = button(camera.name, () => choose(camera, i), { title: `Camera ${camera.name}` });
+      made.setAttribute("aria-pressed", String(i === 0));
+      return made;
+    });
+    const mark = (chosen: number) => buttons.forEach((made, i) => made.setAttribute("aria-pressed", String(i === chosen)));
+    const choose = (camera: CameraView, i: number) => {
+      this.stage.look(camera);
+      mark(i);
+    };
+    eyes.replaceChildren(...buttons);
+    eyes.hidden = cameras.length === 0;
+    if (pixels === null) this.stage.canvas.addEventListener("moved", () => mark(-1));
+  }
+
+  private turn(degrees: number): void {
+    this.rig.change({ rotation_deg: wrapped(this.rig.look.rotation_deg + degrees) });
+  }
+
+  private hide(): void {
+    document.documentElement.classList.toggle("bare");
+    this.cover();
+  }
+
+  /** The picture's middle is that of what the panel leaves free. */
+  private cover(): void {
+    const panel = found("panel").getBoundingClientRect();
+    const isBeside = panel.width < 0.6 * innerWidth;
+    if (panel.width === 0) this.stage.cover(0, 0);
+    else if (isBeside) this.stage.cover(innerWidth - panel.left, 0);
+    else this.stage.cover(0, innerHeight - panel.top);
+  }
+
+  /** What tests look at. */
+  private expose(): void {
+    const { metrics, stage, rig } = this;
+    const shown = {
+      metrics,
+      pixels: () => stage.pixels(),
+      look: () => rig.look,
+      change: (values: object, dragging: boolean) => rig.change(values, { dragging }),
+    };
+    Object.defineProperty(window, "__prelight", { value: shown });
+  }
+}
+
+/** Two bakes of the same identity have the same geometry. */
+function identity({ name, receivers, vertices, triangles, pixels }: Welcome): string {
+  return JSON.stringify([name, receivers, vertices, triangles, pixels]);
+}
+
+function summary({ receivers, pixels, eye }: Welcome): string {
+  if (pixels !== null) return `${pixels[0]} × ${pixels[1]} pixels`;
+  const rows = `${receivers.toLocaleString("en")} vertices`;
+  return eye === null ? rows : `${rows} · highlights as camera ${eye} sees them`;
+}
+
+function found(id: string): HTMLElement {
+  const element = document.getElementById(id);
+  if (element === null) throw new Error(`The page has no ${id}.`);
+  return element;
+}
+
+new Page().start();

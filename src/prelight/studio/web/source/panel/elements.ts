@@ -1,0 +1,102 @@
+// Small pieces of page. What comes from elsewhere is only ever set as text.
+
+type Attributes = Record<string, string>;
+
+/** An element with attributes and children; strings become text. */
+export function element<Name extends keyof HTMLElementTagNameMap>(
+  name: Name,
+  attributes: Attributes = {},
+  ...children: (Node | string)[]
+): HTMLElementTagNameMap[Name] {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+export function button(label: string, press: () => void, attributes: Attributes = {}): HTMLButtonElement {
+  const made = element("button", { type: "button", ...attributes }, label);
+  made.addEventListener("click", press);
+  return made;
+}
+
+/** A titled part of the panel. */
+export function section(title: string, ...children: Node[]): HTMLElement {
+  return element("section", { "aria-label": title }, element("h2", {}, title), ...children);
+}
+
+export interface Range {
+  name: string;
+  least: number;
+  most: number;
+  step: number;
+  /** Where a double click returns to. */
+  rest: number;
+  kind?: string;
+  say: (value: number) => string;
+  set: (value: number, dragging: boolean) => void;
+}
+
+/** A labelled slider; `show` moves it without telling anybody. */
+export function slider(range: Range): { row: HTMLElement; show: (value: number) => void } {
+  const { least, most, step } = range;
+  const said = element("output", {});
+  const bounds = { min: String(least), max: String(most), step: String(step), "aria-label": range.name };
+  const input = element("input", { type: "range", class: range.kind ?? "plain", ...bounds });
+  const label = element("span", { class: "name", title: "Double click: back to the middle" }, range.name);
+  const tell = (value: number) => {
+    said.textContent = range.say(value);
+    input.setAttribute("aria-valuetext", range.say(value));
+    input.style.setProperty("--share", String((Math.min(Math.max(value, least), most) - least) / (most - least)));
+  };
+  const set = (dragging: boolean) => {
+    tell(input.valueAsNumber);
+    range.set(input.valueAsNumber, dragging);
+  };
+  input.addEventListener("input", () => set(true));
+  input.addEventListener("change", () => set(false));
+  const show = (value: number) => {
+    input.value = String(value);
+    tell(value);
+  };
+  const back = () => {
+    show(range.rest);
+    range.set(range.rest, false);
+  };
+  label.addEventListener("dblclick", back);
+  input.addEventListener("dblclick", back);
+  return { row: element("label", { class: "slider" }, label, said, input), show };
+}
+
+/** Buttons of which one is chosen. */
+export function choice<Value extends string>(
+  name: string,
+  options: readonly (readonly [Value, string])[],
+  choose: (value: Value) => void,
+): { row: HTMLElement; show: (value: Value) => void } {
+  const row = element("div", { class: "choice", role: "radiogroup", "aria-label": name });
+  const buttons = options.map(([value, label]) => {
+    const made = button(label, () => choose(value), { role: "radio" });
+    row.append(made);
+    return [value, made] as const;
+  });
+  const show = (chosen: Value) => {
+    for (const [value, made] of buttons) made.setAttribute("aria-checked", String(value === chosen));
+  };
+  return { row, show };
+}
+
+/** Signed stops, with a proper minus. */
+export function stops(value: number): string {
+  const sign = value > 0.0049 ? "+" : value < -0.0049 ? "−" : "";
+  return `${sign}${Math.abs(value).toFixed(1)} EV`;
+}
+
+/** Degrees from -180 to 180. */
+export function wrapped(degrees: number): number {
+  return ((((degrees + 180) % 360) + 360) % 360) - 180;
+}
+
+export function degrees(value: number): string {
+  return `${value < -0.5 ? "−" : ""}${Math.abs(Math.round(value))}°`;
+}

@@ -1,0 +1,164 @@
+// What is behind the scene: the environment's map as turned, scaled and tinted, the disc lights in front of it.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  DataTexture,
+  GLSL3,
+  LinearFilter,
+  Mesh,
+  RGBFormat,
+  RawShaderMaterial,
+  RepeatWrapping,
+  UnsignedInt5999Type,
+  Vector3,
+  Vector4,
+} from "three";
+import type { DiscLight } from "../messages";
+import { MOST_DISCS } from "../messages";
+import type { Look } from "../rig";
+import { DISPLAY_GLSL, type Display } from "./display";
+
+const MAP_WIDTH = 512;
+const MAP_HEIGHT = 256;
+const DEEPEST = 1.5; // as in lighting/regions.py: no soft edge reaches further than 120 degrees
+
+/** `vec3 sky(vec3 direction)`, unit; see docs/conventions.md for the map and for a disc's edge. */
+export const SKY_GLSL = `
+uniform sampler2D map;
+uniform vec3 skyGain;
+uniform float skyTurn;
+uniform vec3 backdrop[2];
+uniform bool showsSky;
+uniform int discCount;
+uniform vec4 discs[${MOST_DISCS}];   // direction; depth where the edge begins
+uniform vec4 glows[${MOST_DISCS}];   // radiance; depth where it ends
+
+vec3 sky(vec3 d) {
+  if (!showsSky) return mix(backdrop[0], backdrop[1], smoothstep(-0.25, 0.6, d.y)) / gain;
+  float c = cos(skyTurn), s = sin(skyTurn);
+  vec3 m = vec3(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
+  vec2 place = vec2(0.5 + atan(m.x, -m.z) * 0.15915494309, acos(clamp(m.y, -1.0, 1.0)) * 0.31830988618);
+  vec3 radiance = skyGain * texture(map, place).rgb;
+  for (int i = 0; i < discCount; i++) {
+    vec3 off = d - discs[i].xyz;
+    float w = 0.5 * dot(off, off);  // 1 - cos, precise near the middle
+    float y = clamp((w - discs[i].w) / max(glows[i].w - discs[i].w, 1e-9), 0.0, 1.0);
+    radiance += glows[i].rgb * (1.0 - y * y * (3.0 - 2.0 * y));
+  }
+  return radiance;
+}
+`;
+
+const VERTEX = `
+precision highp float;
+uniform mat4 projectionMatrix;
+uniform mat4 toWorld;
+uniform mat4 fromScreen;
+in vec3 position;
+out vec3 direction;
+void main() {
+  vec4 along = fromScreen * vec4(position.xy, 1.0, 1.0);
+  direction = mat3(toWorld) * (along.xyz / along.w);
+  gl_Position = vec4(position.xy, 1.0, 1.0);
+}
+`;
+
+const FRAGMENT = `
+precision highp float;
+${DISPLAY_GLSL}
+${SKY_GLSL}
+in vec3 direction;
+out vec4 pixel;
+void main() {
+  bool metered = curve == 2;  // the meter looks at the scene alone
+  pixel = vec4(displayed(sky(normalize(direction))), metered ? 0.0 : 1.0);
+}
+`;
+
+export type SkyUniforms = ReturnType<typeof makeSkyUniforms>;
+
+export function makeSkyUniforms() {
+  return {
+    map: { value: emptyMap() },
+    skyGain: { value: new Vector3(0, 0, 0) },
+    skyTurn: { value: 0 },
+    backdrop: { value: [new Vector3(), new Vector3()] },
+    showsSky: { value: true },
+    discCount: { value: 0 },
+    discs: { value: Array.from({ length: MOST_DISCS }, () => new Vector4()) },
+    glows: { value: Array.from({ length: MOST_DISCS }, () => new Vector4()) },
+  };
+}
+
+/** A triangle over the whole screen, drawn before everything else. */
+export function makeSky(uniforms: SkyUniforms, display: Display): Mesh<BufferGeometry, RawShaderMaterial> {
+  const geometry = new BufferGeometry();
+  const corners = new Float32Array([-1, -1, 0, 3, -1, 0, -1, 3, 0]);
+  geometry.setAttribute("position", new BufferAttribute(corners, 3));
+  const material = new RawShaderMaterial({
+    glslVersion: GLSL3,
+    uniforms: { ...display, ...uniforms, toWorld: { value: null }, fromScreen: { value: null } },
+    vertexShader: VERTEX,
+    fragmentShader: FRAGMENT,
+    depthTest: false,
+    depthWrite: false,
+  });
+  const mesh = new Mesh(geometry, material);
+  mesh.frustumCulled = false;
+  mesh.renderOrder = -1;
+  mesh.onBeforeRender = (_renderer, _scene, camera) => {
+    const { toWorld, fromScreen } = material.uniforms;
+    if (toWorld) toWorld.value = camera.matrixWorld;
+    if (fromScreen) fromScreen.value = camera.projectionMatrixInverse;
+    material.uniformsNeedUpdate = true;
+  };
+  return mesh;
+}
+
+/** A map of radiance in rgb9e5, lat-long, from the top; the filter of the hardware interpolates it. */
+export function skyMap(data: Uint32Array<ArrayBuffer>): DataTexture {
+  if (data.length !== MAP_WIDTH * MAP_HEIGHT) throw new Error(`a sky of ${data.length} pixels`);
+  return radianceTexture(data, MAP_WIDTH, MAP_HEIGHT);
+}
+
+export function radianceTexture(data: Uint32Array<ArrayBuffer>, width: number, height: number): DataTexture {
+  const texture = new DataTexture(data, width, height, RGBFormat, UnsignedInt5999Type);
+  texture.internalFormat = "RGB9_E5";
+  texture.magFilter = texture.minFilter = LinearFilter;
+  texture.wrapS = RepeatWrapping;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function emptyMap(): DataTexture {
+  return radianceTexture(new Uint32Array(1), 1, 1);
+}
+
+/** Set the sky's uniforms to a look. */
+export function showLook(uniforms: SkyUniforms, look: Look): void {
+  const [red, green, blue] = look.tint;
+  uniforms.skyGain.value.set(red, green, blue).multiplyScalar(look.scale);
+  uniforms.skyTurn.value = (look.rotation_deg * Math.PI) / 180;
+  uniforms.discCount.value = Math.min(look.discs.length, MOST_DISCS);
+  look.discs.slice(0, MOST_DISCS).forEach((disc, i) => {
+    const [begins, ends] = depths(disc);
+    const { x, y, z } = pointing(disc.azimuth_deg, disc.elevation_deg);
+    uniforms.discs.value[i]?.set(x, y, z, begins);
+    uniforms.glows.value[i]?.set(...disc.radiance, ends);
+  });
+}
+
+/** 1 - cos of the angles where a disc begins to fall, and where it is dark. */
+function depths({ radius_deg, softness }: DiscLight): [number, number] {
+  const middle = 2 * Math.sin((radius_deg * Math.PI) / 360) ** 2;
+  const soft = softness * Math.min(middle, DEEPEST - middle);
+  return [middle - soft, middle + soft];
+}
+
+/** The unit direction of an azimuth, from -Z towards +X, and an elevation, in degrees. */
+export function pointing(azimuth: number, elevation: number): Vector3 {
+  const a = (azimuth * Math.PI) / 180;
+  const e = (elevation * Math.PI) / 180;
+  return new Vector3(Math.sin(a) * Math.cos(e), Math.sin(e), -Math.cos(a) * Math.cos(e));
+}

@@ -1,0 +1,193 @@
+// The stage: a canvas, what stands on it, and when it is drawn: only when something has changed.
+
+import { LinearSRGBColorSpace, NoToneMapping, Scene, Vector3, WebGLRenderer } from "three";
+import { fetchSky, type Geometry } from "../geometry";
+import type { CameraView, Welcome } from "../messages";
+import type { Frame } from "../frames";
+import type { Metrics } from "../metrics";
+import type { Look } from "../rig";
+import { CURVES, type Curve, makeDisplay } from "./display";
+import { Eye } from "./eye";
+import { metered } from "./meter";
+import { PixelPicture } from "./pixels";
+import { makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
+import { Surface } from "./surface";
+
+const SHARPEST = 2; // device pixels a pixel of the page, at most
+
+export class Stage {
+  readonly canvas = document.createElement("canvas");
+  readonly eye: Eye;
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly display = makeDisplay();
+  private readonly sky = makeSkyUniforms();
+  private shown: Surface | PixelPicture | null = null;
+  private waiting: Frame | null = null;
+  private requested = 0;
+  private skyId = "";
+  private covered = { right: 0, bottom: 0 };
+  private drawn: () => void = () => undefined;
+
+  constructor(
+    private readonly host: HTMLElement,
+    private readonly metrics: Metrics,
+  ) {
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "application");
+    this.canvas.setAttribute("aria-label", "The scene. Arrow keys go around it, plus and minus come nearer and go away.");
+    host.append(this.canvas);
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, powerPreference: "high-performance" });
+    this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shaders encode
+    this.renderer.toneMapping = NoToneMapping;
+    this.renderer.autoClear = true;
+    this.eye = new Eye(this.canvas, () => this.invalidate());
+    new ResizeObserver(() => this.resize()).observe(host);
+    this.canvas.addEventListener("textured", () => this.invalidate());
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      if (this.shown instanceof Surface) this.shown.makeBuffer();
+      this.invalidate();
+    });
+  }
+
+  /** Put a bake on the stage, in place of what is there. */
+  show(welcome: Welcome, geometry: Geometry): void {
+    this.scene.clear();
+    const { display, sky } = this;
+    if (welcome.pixels !== null) {
+      const covered = geometry.coverage ?? new Uint8Array(welcome.receivers).fill(255);
+      this.shown = new PixelPicture(welcome.pixels, covered, { display, sky });
+      this.eye.hold();
+    } else {
+      this.shown = new Surface(this.renderer, geometry, display);
+      this.eye.frame(this.shown.sphere.center, this.shown.sphere.radius);
+      this.scene.add(makeSky(sky, display));
+    }
+    this.scene.add(this.shown.mesh);
+    const [first] = welcome.cameras;
+    if (first !== undefined) this.eye.look(first, { atOnce: true });
+    this.resize();
+  }
+
+  /** A frame of radiance: shown with the next picture; a newer one replaces it. */
+  take(frame: Frame): void {
+    this.waiting = frame;
+    this.invalidate();
+  }
+
+  look(view: CameraView): void {
+    this.eye.look(view);
+  }
+
+  showLook(look: Look): void {
+    showLook(this.sky, look);
+    if (look.environment !== this.skyId) void this.changeSky(look.environment);
+    this.invalidate();
+  }
+
+  expose(stops: number): void {
+    this.display.gain.value = 2 ** stops;
+    this.invalidate();
+  }
+
+  setCurve(curve: Curve): void {
+    this.display.curve.value = CURVES[curve];
+    this.invalidate();
+  }
+
+  /** The sky behind the scene, or a plain backdrop from one linear grey below to another above. */
+  setBackdrop(showsSky: boolean, [low, high]: readonly [number, number]): void {
+    this.sky.showsSky.value = showsSky;
+    const { value: greys } = this.sky.backdrop;
+    [low, high].forEach((grey, i) => greys[i]?.setScalar(grey));
+    this.invalidate();
+  }
+
+  /** How many pixels at the right and the bottom the panel covers. */
+  cover(right: number, bottom: number): void {
+    this.covered = { right, bottom };
+    this.resize();
+  }
+
+  /** The exposure, in stops, that the light meter would choose; null in the dark. */
+  meter(): number | null {
+    const { curve } = this.display;
+    const before = curve.value;
+    curve.value = CURVES.none;
+    this.uploadWaiting();
+    const stops = metered(this.renderer, () => this.renderer.render(this.scene, this.eye.camera));
+    curve.value = before;
+    return stops;
+  }
+
+  /** Call this after every picture. */
+  onDraw(drawn: () => void): void {
+    this.drawn = drawn;
+  }
+
+  /** Where the eye looks, in degrees from -Z towards +X. */
+  heading(): number {
+    const ahead = this.eye.camera.getWorldDirection(new Vector3());
+    return (Math.atan2(ahead.x, -ahead.z) * 180) / Math.PI;
+  }
+
+  /** The canvas's pixels now, RGBA, from the bottom: for tests. */
+  pixels(): { width: number; height: number; data: Uint8Array } {
+    this.draw();
+    const gl = this.renderer.getContext();
+    const { drawingBufferWidth: width, drawingBufferHeight: height } = gl;
+    const data = new Uint8Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+    return { width, height, data };
+  }
+
+  invalidate(): void {
+    if (this.requested !== 0) return;
+    this.requested = requestAnimationFrame((now) => {
+      this.requested = 0;
+      const moves = this.eye.step(now);
+      this.draw();
+      if (moves) this.invalidate();
+    });
+  }
+
+  private draw(): void {
+    this.uploadWaiting();
+    this.renderer.render(this.scene, this.eye.camera);
+    this.metrics.drew();
+    this.drawn();
+  }
+
+  private uploadWaiting(): void {
+    const frame = this.waiting;
+    if (frame === null || this.shown === null) return;
+    const began = performance.now();
+    this.shown.upload(frame.radiance);
+    this.waiting = null;
+    this.metrics.uploaded(frame, performance.now() - began);
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.host;
+    if (width === 0 || height === 0) return;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, SHARPEST));
+    this.renderer.setSize(width, height, false);
+    const isPicture = this.shown instanceof PixelPicture;
+    if (this.shown instanceof PixelPicture) this.shown.fit(width, height);
+    this.eye.resize({ width, height, ...(isPicture ? { right: 0, bottom: 0 } : this.covered) });
+    this.invalidate();
+  }
+
+  private async changeSky(id: string): Promise<void> {
+    this.skyId = id;
+    try {
+      const map = skyMap(await fetchSky(id));
+      if (id !== this.skyId) return;
+      this.sky.map.value.dispose();
+      this.sky.map.value = map;
+      this.invalidate();
+    } catch {
+      if (id === this.skyId) this.skyId = ""; // asked for again with the next change
+    }
+  }
+}
