@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Make .venv with everything Prelight and its tests need, from a bare Debian or Ubuntu. Safe to run again.
+# With --browser also Debian's Chromium, which the tests of the studio's page use; without it they are skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 PATH="${PATH:-/usr/bin:/bin}:/usr/sbin:/sbin" # ldconfig lives in sbin
@@ -56,6 +57,14 @@ install_packages() { # with apt, if we may; otherwise say in one line what to ru
         stop "apt-get could not install $*: ${log##*$'\n'}"
 }
 
+has_browser() { command -v chromium chromium-browser google-chrome >/dev/null 2>&1; }
+
+install_browser() { # where the distribution has it as a package and we may; it is never needed to use Prelight
+    apt-cache policy chromium 2>/dev/null | grep -q 'Candidate: *[0-9]' || return 1
+    if [ "$(id -u)" != 0 ] && ! sudo -n true 2>/dev/null; then return 1; fi
+    (install_packages chromium)
+}
+
 python=$(find_python) ||
     stop "Python 3.11 or newer is needed and was not found; install python3.11 (or newer) and its -venv package"
 
@@ -66,6 +75,11 @@ if [ -n "$(missing_packages)" ]; then
     # Asked again: only after the update does apt know which LLVM this distribution has.
     # shellcheck disable=SC2046
     install_packages $(missing_packages)
+fi
+
+if [ "${1:-}" = --browser ] && ! has_browser; then
+    if [ "$(id -u)" = 0 ]; then apt-get update -qq 2>/dev/null || true; fi
+    install_browser || say "no chromium here: tests of the studio's page will be skipped (sudo apt-get install -y chromium)"
 fi
 
 # What .venv was made from: another lock, interpreter or place means making it anew.

@@ -2,7 +2,7 @@
 # Everything a change must pass: format, lint, types, import contract, tests. Arguments go to pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-bash scripts/setup.sh
+bash scripts/setup.sh --browser
 PATH="$PWD/.venv/bin:${PATH:-/usr/bin:/bin}"
 export PATH
 

@@ -19,9 +19,11 @@ import pytest
 
 from prelight.baking import environment as baking
 from prelight.baking import layer_receivers, layer_writer
+from prelight.baking.bounced import BouncedPart
 from prelight.baking.clustering import Clusters, cluster_lights
 from prelight.baking.environment_plan import Cut, EnvironmentPlan
 from prelight.baking.environment_settings import EnvironmentSettings
+from prelight.baking.light_cells import light_cells
 from prelight.errors import DamagedBakeError, InputError, PrelightError
 from prelight.lighting.environment import Environment
 from prelight.relighting.relighter import Relighter
@@ -74,6 +76,24 @@ class _Replayed:
             yield Clusters(*parts), progress
 
 
+class _StandInBounces:
+    """Some bounced light, without a ray: three smooth modes, and little of it."""
+
+    def __init__(self, layer, **_) -> None:
+        self._layer = layer
+
+    def found(self, *, lanes: int) -> BouncedPart:
+        place = self._layer.scene.positions
+        x = 0.02 + 0.01 * np.stack([np.sin(place[:, 0]), np.cos(place[:, 2]), np.tanh(place[:, 1])], axis=1)
+        cells = light_cells(self._layer.settings.resolution)
+        weights = np.stack([1 + np.sin(np.arange(len(cells)) * k) for k in (0.1, 0.2, 0.3)])
+        colours = np.array([1.0, 0.7, 0.4])[:, None, None]
+        return BouncedPart(
+            cells=cells, modes=x.astype(np.float32), weights=(colours * weights).astype(np.float32),
+            sources=(colours * x).astype(np.float32), bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9,
+        )  # fmt: skip
+
+
 _replayed = _Replayed()
 _software = cache(layer_writer.software)
 
@@ -115,6 +135,8 @@ def quick_bake(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(direct, "Visibility", BallVisibility)
         patch.setattr(layer_receivers, "Occluders", lambda *_: None)
+        patch.setattr(layer_receivers, "vantage_points", lambda scene, _: scene.positions)
+        patch.setattr(layer_writer, "BouncedLight", _StandInBounces)
         patch.setattr(layer_writer, "software", _software)
         if small_parcels:
             patch.setattr(layer_writer, "panels_of_parcel", lambda *_: 1)

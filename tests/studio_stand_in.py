@@ -77,6 +77,7 @@ class StandIn:
     state: State = field(default_factory=state)
     refuses: str | None = None
     streaming: bool = False
+    shut: bool = False
     close_with: tuple[int, str] | None = None
     received: list[dict[str, Any]] = field(default_factory=list)
     sockets: int = 0
@@ -120,6 +121,8 @@ class StandIn:
     async def file(self, request):
         from starlette.responses import Response
 
+        if self.shut:
+            return Response(status_code=401)
         path = BUILT / (request.path_params.get("name") or "index.html")
         body = path.read_bytes() if path.is_file() else b""
         headers = {"Content-Security-Policy": POLICY}
@@ -153,6 +156,9 @@ class StandIn:
     async def talk(self, socket):
         from starlette.websockets import WebSocketDisconnect
 
+        if self.shut:
+            await socket.close(1008)
+            return
         await socket.accept()
         self.sockets += 1
         try:

@@ -39,7 +39,9 @@ def gentle_sky(resolution: int) -> np.ndarray:
 @pytest.fixture(scope="module")
 def ball(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ball")
-    return bake_environment(ball_on_floor(side=33, rings=20), folder / "ball.prelight", resolution=64)
+    return bake_environment(
+        ball_on_floor(side=33, rings=20), folder / "ball.prelight", resolution=64, bounces=0
+    )
 
 
 def irradiance(bake, cube) -> np.ndarray:
@@ -51,7 +53,7 @@ def irradiance(bake, cube) -> np.ndarray:
 
 @pytest.mark.parametrize(("resolution", "bound"), [(63, 1e-3), (256, 1e-4)])
 def test_an_open_white_plane_under_a_constant_sky_has_its_albedo(tmp_path, resolution, bound):
-    bake = bake_environment(plane(albedo=1.0), tmp_path / "plane.prelight", resolution=resolution)
+    bake = bake_environment(plane(albedo=1.0), tmp_path / "plane.prelight", resolution=resolution, bounces=0)
     light = Relighter(bake)
     light.environment = Environment.constant((2.0, 1.0, 0.5))
     np.testing.assert_allclose(light.radiance, np.tile([2.0, 1.0, 0.5], (144, 1)), rtol=bound)
@@ -63,7 +65,7 @@ def test_a_disc_light_on_a_tilted_plane(tmp_path):
     tilt = np.radians(25)
     turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
     scene = scene_of(((positions @ turn.T).astype(np.float32), triangles))
-    bake = bake_environment(scene, tmp_path / "tilted.prelight", resolution=128, tolerance=0.002)
+    bake = bake_environment(scene, tmp_path / "tilted.prelight", resolution=128, tolerance=0.002, bounces=0)
     d = texel_directions(np.arange(6 * 128**2), 128).reshape(6, 128, 128, 3)
     centre, radius = np.array([0.36, 0.8, 0.48]), np.radians(12)
     cube = np.repeat((d @ centre > np.cos(radius))[..., None], 3, axis=-1).astype(np.float32) * 40
@@ -165,7 +167,9 @@ def test_every_accepted_cluster_passed_equation_11(rng):
 
 def test_odd_and_tiny_resolutions(tmp_path):
     for resolution in (1, 2, 5):
-        bake = bake_environment(plane(), tmp_path / f"{resolution}.prelight", resolution=resolution)
+        bake = bake_environment(
+            plane(), tmp_path / f"{resolution}.prelight", resolution=resolution, bounces=0
+        )
         light = Relighter(bake)
         light.environment = Environment.constant((1.0, 1.0, 1.0))
         assert np.isfinite(light.radiance).all()
@@ -180,7 +184,7 @@ def test_a_scene_in_the_dark_still_bakes(tmp_path):
     )
     scene = scene_of((corners, inward))
     assert ((scene.normals * corners).sum(axis=1) < 0).all()
-    bake = bake_environment(scene, tmp_path / "dark.prelight", resolution=4)
+    bake = bake_environment(scene, tmp_path / "dark.prelight", resolution=4, bounces=0)
     light = Relighter(bake)
     light.environment = Environment.constant((1.0, 1.0, 1.0))
     assert not light.radiance.any()
@@ -188,7 +192,7 @@ def test_a_scene_in_the_dark_still_bakes(tmp_path):
 
 def test_the_plan_is_within_a_third_of_the_bake(tmp_path):
     """Clusters, rays and bytes; seconds belong to the benchmarks."""
-    scene, settings = ball_on_floor(side=49, rings=24), EnvironmentSettings(resolution=64)
+    scene, settings = ball_on_floor(side=49, rings=24), EnvironmentSettings(resolution=64, bounces=0)
     plan = plan_environment(scene, settings)
     bake = bake_planned(scene, tmp_path / "ball.prelight", plan=plan)
     layer = bake.layers["environment"]
@@ -210,7 +214,7 @@ def test_the_same_bake_twice_is_the_same_bytes_whatever_the_memory(tmp_path):
     paths = [tmp_path / name / "a.prelight" for name in ("one", "two")]
     for path, memory in zip(paths, (None, 500_000_000), strict=True):
         path.parent.mkdir()
-        bake_environment(scene, path, resolution=16, memory=memory)
+        bake_environment(scene, path, resolution=16, memory=memory, bounces=0)
     assert tree_digest(paths[0]) == tree_digest(paths[1])
 
 
@@ -252,7 +256,7 @@ def test_sidaks_z():
 
 def test_a_disk_that_is_too_small_is_said_before_any_ray(tmp_path, monkeypatch):
     scene = plane()
-    plan = plan_environment(scene, EnvironmentSettings(resolution=4))
+    plan = plan_environment(scene, EnvironmentSettings(resolution=4, bounces=0))
     full = shutil.disk_usage(tmp_path)._replace(free=plan.bytes // 2)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: full)
     with pytest.raises(OutputError, match="are free"):
@@ -263,4 +267,4 @@ def test_a_disk_that_is_too_small_is_said_before_any_ray(tmp_path, monkeypatch):
 def test_more_clusters_than_a_manifest_lists_are_refused(monkeypatch):
     monkeypatch.setattr(environment_plan, "MOST_PARCELS", 0)
     with pytest.raises(InputError, match="clusters"):
-        plan_environment(ball_on_floor(side=9, rings=6), EnvironmentSettings(resolution=8))
+        plan_environment(ball_on_floor(side=9, rings=6), EnvironmentSettings(resolution=8, bounces=0))

@@ -23,7 +23,7 @@ def baked(tmp_path_factory):
         key = resolution, tolerance
         if key not in known:
             path = folder / f"{resolution}-{tolerance}.prelight"
-            known[key] = bake_environment(ball_on_floor(), path, resolution=resolution, tolerance=tolerance)
+            known[key] = bake_environment(ball_on_floor(), path, resolution=resolution, tolerance=tolerance, bounces=0)
         return known[key]
 
     return bake
@@ -76,12 +76,17 @@ def test_two_discs_read_a_twentieth(baked):
     light.environment = discs(0, 0.1)
     light.environment = discs(0, 1)
     assert (light.last.kind, light.last.bytes_read) == ("local", 0)
-    read = []
+    read, at_hand = [], light._live._discs._columns
+    copied = needed = 0
     for turn in range(1, 20):
+        before = at_hand._quad_in.copy()
         light.environment = discs(0.75 * turn, 1)
         assert light.last.kind == "local"
         read.append(light.last.bytes_read)
+        copied += (at_hand._quad_in != before).sum()
+        needed += (at_hand._needed == at_hand._now).sum()
     assert np.mean(read) < whole / 20
+    assert 0 < copied < needed / 5  # out of tiles; others were at hand
     fresh = Relighter(light.bake)
     fresh.environment = discs(0.75 * 19, 1)
     assert light.radiance == pytest.approx(fresh.radiance, rel=1e-6, abs=1e-6)

@@ -93,7 +93,7 @@ def test_a_rectangle_over_a_plane_is_its_form_factor(nothing) -> None:
     shining = LuminousTriangles(
         square(1.0), np.float32([[1, 2, 4]] * 2), np.zeros(2, np.int32), 1
     )  # corners over ±0.5
-    E = triangle_light(nothing, np.float32([[0, 0, 0], [0.5, 0, 0.5]]), np.repeat(UP, 2, axis=0), lights=shining, rays=1024)
+    E = triangle_light(nothing, np.float32([[0, 0, 0], [0.5, 0, 0.5]]), np.repeat(UP, 2, axis=0), lights=shining, rays=4096)
 
     def corner(X: float, Y: float) -> float:
         p, q = np.sqrt(1 + X * X), np.sqrt(1 + Y * Y)
@@ -109,7 +109,7 @@ def test_discs_over_a_plane_are_lights_of_their_own(nothing) -> None:
     shining = LuminousTriangles(
         np.concatenate(parts), np.ones((384, 3), np.float32), np.repeat([3, 0, 2], 128).astype(np.int32), 4
     )
-    E = triangle_light(nothing, np.zeros((1, 3), np.float32), UP, lights=shining, rays=1024)
+    E = triangle_light(nothing, np.zeros((1, 3), np.float32), UP, lights=shining, rays=4096)
     assert E.shape == (1, 4, 3)
     assert E[0, 3, 0] == pytest.approx(0.5, rel=2e-3)
     assert E[0, 0, 0] == pytest.approx(0.01 / 0.26, rel=2e-3)

@@ -32,7 +32,7 @@ def sunny() -> np.ndarray:
 def coarse(tmp_path_factory):
     """A bake whose clusters alone are far off."""
     path = tmp_path_factory.mktemp("traced") / "ball.prelight"
-    return bake_environment(ball_on_floor(), path, resolution=R, tolerance=0.06)
+    return bake_environment(ball_on_floor(), path, resolution=R, tolerance=0.06, bounces=0)
 
 
 def truth(bake, cube) -> np.ndarray:
@@ -122,7 +122,9 @@ def test_under_a_fixed_eye(tmp_path):
     ball = ball_on_floor()
     lacquer = Material("lacquer", roughness=0.4, specular=1.0)
     scene = replace(ball, materials=(lacquer,), cameras={"front": Camera.framing(ball.positions)})
-    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=16, tolerance=0.06, camera="front")
+    bake = bake_environment(
+        scene, tmp_path / "ball.prelight", resolution=16, tolerance=0.06, camera="front", bounces=0
+    )
     cube = np.full((6, 16, 16, 3), 0.05, np.float32)
     cube[2, 5, 10] = (200.0, 180.0, 150.0)
     environment = Environment.from_cube(cube)

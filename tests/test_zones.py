@@ -95,8 +95,11 @@ def test_one_zone_is_the_walk_over_all_receivers(tmp_path):
 
 @pytest.mark.parametrize("zones", [1, 5])
 def test_a_bake_is_what_the_walk_found_zone_by_zone(tmp_path, zones):
-    scene, wanted = ball_on_floor(side=17, rings=10), EnvironmentSettings(resolution=8, zones=zones)
-    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=8, zones=zones)
+    scene, wanted = (
+        ball_on_floor(side=17, rings=10),
+        EnvironmentSettings(resolution=8, zones=zones, bounces=0),
+    )
+    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=8, zones=zones, bounces=0)
     layer, found = LayerReceivers(scene, wanted), read_zones(bake)
     assert len(found) == len(layer.zones) == zones == bake.layers["environment"].parameters["zones"]
     rows = np.concatenate([zone.rows for zone, *_ in found])
@@ -134,8 +137,10 @@ def assert_equation_11(layer: LayerReceivers, zone: Zone, leaves: np.ndarray, to
 
 def test_each_zone_satisfies_equation_11_among_its_own(tmp_path):
     scene = ball_on_floor(side=17, rings=10)
-    bake = bake_environment(scene, tmp_path / "ball.prelight", resolution=8, zones=3, tolerance=0.05)
-    layer = LayerReceivers(scene, EnvironmentSettings(resolution=8, zones=3, tolerance=0.05))
+    bake = bake_environment(
+        scene, tmp_path / "ball.prelight", resolution=8, zones=3, tolerance=0.05, bounces=0
+    )
+    layer = LayerReceivers(scene, EnvironmentSettings(resolution=8, zones=3, tolerance=0.05, bounces=0))
     zones = read_zones(bake)
     counts = [assert_equation_11(layer, zone, leaves, 0.05) for zone, leaves, *_ in zones]
     assert min(counts) > 10
@@ -149,7 +154,7 @@ def test_each_zone_satisfies_equation_11_among_its_own(tmp_path):
 def test_glossy_vertices_have_a_zone_of_their_own_under_an_eye(tmp_path):
     """The limit the paper names: among many diffuse receivers a few glossy ones would hardly count."""
     scene = glossy_ball()
-    options = {"resolution": 8, "tolerance": 0.05}
+    options = {"resolution": 8, "tolerance": 0.05, "bounces": 0}
     bake = bake_environment(scene, tmp_path / "ball.prelight", camera="a", **options)
     layer = LayerReceivers(scene, EnvironmentSettings(camera="a", **options))
     zones = read_zones(bake)
@@ -186,7 +191,7 @@ def test_a_glossy_object_among_diffuse_ones_is_right_at_its_highlight():
     """One cut for all, as in the paper, and zones of each sort of as many bytes, by exact integration."""
     scene = glossy_ball(side=65, rings=16, roughness=0.25)
     coarse, layer = (
-        LayerReceivers(scene, EnvironmentSettings(resolution=32, tolerance=tolerance, camera="a"))
+        LayerReceivers(scene, EnvironmentSettings(resolution=32, tolerance=tolerance, camera="a", bounces=0))
         for tolerance in (0.03, 0.0135)
     )
     everything = Zone(receiver_order(scene.positions, scene.normals), VIEWED, 3)
@@ -219,11 +224,11 @@ def test_a_glossy_object_among_diffuse_ones_is_right_at_its_highlight():
 
 
 def test_without_an_eye_all_is_diffuse_and_without_gloss_an_eye_is_nothing(tmp_path):
-    free = bake_environment(glossy_ball(), tmp_path / "free.prelight", resolution=4)
+    free = bake_environment(glossy_ball(), tmp_path / "free.prelight", resolution=4, bounces=0)
     assert free.layers["environment"].camera is None
     assert [zone.channels for zone, *_ in read_zones(free)] == [1]
     matte = bake_environment(
-        ball_on_floor(side=9, rings=6), tmp_path / "a.prelight", resolution=4, camera=EYE
+        ball_on_floor(side=9, rings=6), tmp_path / "a.prelight", resolution=4, camera=EYE, bounces=0
     )
     assert matte.layers["environment"].camera is None
     assert [zone.channels for zone, *_ in read_zones(matte)] == [1]
@@ -234,7 +239,7 @@ def test_pixels_are_rows_from_the_top_and_empty_ones_are_dark(tmp_path):
     looking_up = Camera((2.0, 1.0, 2.0), (0.0, 0.8, 0.0))  # the sky above the floor's far edge
     bake = bake_environment(
         scene, tmp_path / "picture.prelight", resolution=6, receivers="pixels", camera=looking_up,
-        width=24, height=16, pixel_samples=1, zones=3,
+        width=24, height=16, pixel_samples=1, zones=3, bounces=0,
     )  # fmt: skip
     zones = read_zones(bake)
     rows = np.concatenate([zone.rows for zone, *_ in zones])
@@ -252,7 +257,7 @@ def test_pixels_are_rows_from_the_top_and_empty_ones_are_dark(tmp_path):
     layer = LayerReceivers(
         scene,
         EnvironmentSettings(resolution=6, receivers="pixels", camera=looking_up, width=24, height=16,
-                            pixel_samples=1, zones=3),
+                            pixel_samples=1, zones=3, bounces=0),
     )  # fmt: skip
     assert {zone.kind for zone in layer.zones} == {DARK, VIEWED}
     said = bake.layers["environment"].parameters
@@ -349,13 +354,13 @@ def test_nonsense_on_the_command_line_is_one_line(options, words, capsys):
 
 def test_a_camera_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"'b' is not in ball.*: a"):
-        bake_environment(glossy_ball(), tmp_path / "b.prelight", camera="b", resolution=4)
+        bake_environment(glossy_ball(), tmp_path / "b.prelight", camera="b", resolution=4, bounces=0)
     assert not list(Path(tmp_path).iterdir())
 
 
 @pytest.mark.parametrize("options", [{"zones": 6}, {"camera": "a"}], ids=str)
 def test_the_plan_of_zones_is_near_the_bake(tmp_path, options):
-    scene, wanted = glossy_ball(side=25, rings=14), EnvironmentSettings(resolution=16, **options)
+    scene, wanted = glossy_ball(side=25, rings=14), EnvironmentSettings(resolution=16, **options, bounces=0)
     plan = plan_environment(scene, wanted)
     bake = bake_planned(scene, tmp_path / "ball.prelight", plan=plan)
     layer = bake.layers["environment"]
@@ -371,7 +376,9 @@ def test_the_plan_of_zones_is_near_the_bake(tmp_path, options):
 def test_the_reader_of_the_specification_reads_colours(tmp_path, rng, options):
     """docs/bake-format.md against the arrays as they are decoded here: three channels beside one, several zones."""
     scene = glossy_ball(side=9, rings=6)
-    bake = bake_environment(scene, tmp_path / "a.prelight", resolution=5, zones=3, camera="a", **options)
+    bake = bake_environment(
+        scene, tmp_path / "a.prelight", resolution=5, zones=3, camera="a", **options, bounces=0
+    )
     text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     theirs: dict = {}

@@ -21,17 +21,16 @@ from ..transport.bounces import Bounced, bounced
 from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
 from ..transport.spreading import Spreading
-from ..transport.vantage import vantage_points
 from ..transport.viewed_gathering import ViewedGathering
 from .layer_receivers import LayerReceivers
 from .light_cells import CellLight, light_cells, smooth_lights
 from .zones import DIFFUSE, VIEWED
 
 TOLERANCE = 1e-3  # of all bounced light: the share that later bounces would add
-MIXTURES = 144  # of cells, that are bounced together
-MOST_MODES = 128
+MIXTURES = 124  # of cells, that are bounced together
+MOST_MODES = MIXTURES
 LEFT_OUT = 0.01  # RMS of what the modes leave out, of all bounced light of single cells
-_COLUMNS = 24  # solved together: memory, and by their worst column what is solved
+COLUMNS = 31  # solved together, with one beside them: whole vectors
 _STAGE = 31  # keeps these random numbers apart from those of other stages
 _SMOOTH_WEIGHT = 8.0  # of an even sky against all cells by themselves
 
@@ -79,14 +78,13 @@ class BouncedLight:
         """Trace, bounce and factor."""
         layer, scene = self._layer, self._layer.scene
         told = partial(_within, self._report)
-        origins = vantage_points(scene, layer.occluders)
         gathering = Gathering.trace(
-            scene, layer.occluders, origins=origins, rays=self._rays, memory=self._memory,
+            scene, layer.occluders, rays=self._rays, memory=self._memory,
             report=told(0.0, 0.3),
         )  # fmt: skip
         R = layer.settings.resolution
         cells = light_cells(R)
-        transfer = DiffuseTransfer(layer.occluders, origins, scene.normals)
+        transfer = DiffuseTransfer(layer.occluders, layer.origins, scene.normals)
         light = CellLight(transfer, cells, R)
         for share in light.trace(lanes=lanes):
             told(0.3, 0.4)(share)
@@ -134,8 +132,8 @@ class BouncedLight:
                 add_light(T, mixtures[c, part], direct[c])
         seen = np.zeros((self._layer.count, MIXTURES), np.float32)
         plain, done = self._plain, []
-        for start in range(0, MIXTURES, _COLUMNS):
-            columns = slice(start, min(start + _COLUMNS, MIXTURES))
+        for start in range(0, MIXTURES, COLUMNS):
+            columns = slice(start, min(start + COLUMNS, MIXTURES))
             D = np.ascontiguousarray(np.moveaxis(direct[:, :, columns], 0, 2))
             result = bounced(gathering, D, tolerance=TOLERANCE, most=self._most)
             done.append(result)
@@ -157,8 +155,8 @@ class BouncedLight:
         Q = np.empty((colours, V, modes.shape[1]), np.float32)
         spreading = Spreading(gathering)
         solve = partial(bounced, spreading, tolerance=TOLERANCE)
-        for start in range(0, modes.shape[1], _COLUMNS):
-            columns = slice(start, min(start + _COLUMNS, modes.shape[1]))
+        for start in range(0, modes.shape[1], COLUMNS):
+            columns = slice(start, min(start + COLUMNS, modes.shape[1]))
             X = np.zeros((V, columns.stop - start, colours), np.float32)
             X[plain] = modes[plain, columns, None]
             first = np.zeros_like(X)

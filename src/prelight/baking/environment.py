@@ -18,7 +18,7 @@ from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.journal import BakeWriter, partial_folder, refuse_target
 from .environment_plan import EnvironmentPlan, plan_environment
-from .environment_settings import EnvironmentSettings
+from .environment_settings import GATHER_RAYS, EnvironmentSettings
 from .layer_receivers import LayerReceivers
 from .layer_writer import LayerWriter, Report, identity
 
@@ -40,6 +40,8 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     height: int = 144,
     pixel_samples: int = 4,
     zones: int = 1,
+    bounces: int | None = None,
+    gather_rays: int = GATHER_RAYS,
     resume: bool = False,
     force: bool = False,
     report: Report | None = None,
@@ -50,7 +52,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     ----------
     resolution, tolerance, epsilon, samples_per_side, memory
         See EnvironmentSettings.
-    receivers, camera, width, height, pixel_samples, zones
+    receivers, camera, width, height, pixel_samples, zones, bounces, gather_rays
         See EnvironmentSettings.
     resume, force
         Go on with an interrupted bake of the same settings; replace what is there.
@@ -71,7 +73,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     settings = EnvironmentSettings(
         resolution, tolerance, epsilon, samples_per_side, memory,
         receivers=receivers, camera=camera, width=width, height=height,
-        pixel_samples=pixel_samples, zones=zones,
+        pixel_samples=pixel_samples, zones=zones, bounces=bounces, gather_rays=gather_rays,
     )  # fmt: skip
     refuse_target(Path(path), force=force)
     plan = plan_environment(scene, settings)
@@ -96,7 +98,7 @@ def bake_planned(
         manifest = writer.complete or LayerWriter(receivers, plan, writer, report).run()
         writer.publish(manifest)
     except KeyboardInterrupt as stop:
-        kept = sum(len(entry["leaves"]) for entry in writer.entries)
+        kept = sum(len(entry.get("leaves", ())) for entry in writer.entries)
         reason = f"stopped with {kept:,} clusters kept; run the same command with --resume to go on"
         raise InterruptedBakeError(path, reason) from stop
     finally:

@@ -21,6 +21,7 @@ from ..errors import InputError
 from ..scene.geometry import Scene
 from ..transport import viewed, visibility
 from ..transport.transfer import Transfer
+from .bounced_plan import BouncedPlan, plan_bounced
 from .clustering import cluster_lights, rows_at_once
 from .environment_settings import EnvironmentSettings
 from .layer_receivers import LayerReceivers
@@ -62,12 +63,14 @@ class EnvironmentPlan:
     memory: int  # bytes, peak of the process
     bytes: int  # on disk
     cuts: tuple[Cut, ...]  # one a zone
+    bounced: BouncedPlan = BouncedPlan()  # in the figures above
 
     def summary(self) -> dict:
         """What ``--dry-run --json`` prints."""
         names = ("receivers", "triangles", "zones", "tolerance", "clusters", "rays", "seconds", "memory")
         figures = {name: getattr(self, name) for name in (*names, "bytes")}
-        return {"resolution": self.settings.resolution} | figures
+        bounced = {f"bounced_{name}": getattr(self.bounced, name) for name in ("rays", "seconds", "bytes")}
+        return {"resolution": self.settings.resolution} | figures | bounced
 
 
 def machine_memory() -> int:
@@ -80,6 +83,7 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
     layer = LayerReceivers(scene, settings)
     zones = layer.zones
     cuts, peak = _cuts(layer)
+    bounced = plan_bounced(layer, settings.memory or machine_memory() // 2)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
     speeds: dict[str, _Speed] = {}
     known: dict[int, _Estimate] = {}
@@ -109,12 +113,13 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
         zones=len(zones),
         tolerance=settings.tolerance_for(layer.count),
         clusters=round(clusters),
-        rays=int(sum(e.rays for e in total)),
+        rays=int(sum(e.rays for e in total)) + bounced.rays,
         receiver_directions=int(sum(e.lanes for e in total)),
-        seconds=float(seconds + 0.02 * parcels),
-        memory=peak,
-        bytes=size,
+        seconds=float(seconds + 0.02 * parcels) + bounced.seconds,
+        memory=max(peak, bounced.memory),
+        bytes=size + bounced.bytes,
         cuts=tuple(cuts),
+        bounced=bounced,
     )
 
 

@@ -15,6 +15,9 @@ DEFAULT_TOLERANCE = 0.0135  # the Bunny of the paper at ε = 5e-5
 LEAST_MEMORY = 500_000_000
 MOST_ZONES = 4096
 MOST_PIXELS_PER_SIDE = 2048
+MOST_BOUNCES = 1000
+GATHER_RAYS = 1024
+MOST_GATHER_RAYS = 1 << 14
 VERTICES, PIXELS = "vertices", "pixels"
 
 
@@ -47,6 +50,10 @@ class EnvironmentSettings:
     zones
         About how many parts the receivers are divided into by place, each with its own clusters; 1 to 4096.
         What differs in kind (Lambertian, glossy, mirroring) is divided in any case where the eye is fixed.
+    bounces
+        How often light may bounce: None for as often as it matters, 0 for direct light only, at most 1000.
+    gather_rays
+        Rays from each receiver that find what light has bounced towards it; a square number up to 16,384.
     """
 
     resolution: int = 256
@@ -60,6 +67,8 @@ class EnvironmentSettings:
     height: int = 144
     pixel_samples: int = 4
     zones: int = 1
+    bounces: int | None = None
+    gather_rays: int = GATHER_RAYS
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
@@ -69,12 +78,18 @@ class EnvironmentSettings:
             ("width", self.width, 1, MOST_PIXELS_PER_SIDE),
             ("height", self.height, 1, MOST_PIXELS_PER_SIDE),
             ("pixel-samples", self.pixel_samples, 1, 64),
+            ("bounces", 0 if self.bounces is None else self.bounces, 0, MOST_BOUNCES),
+            ("gather-rays", self.gather_rays, 1, MOST_GATHER_RAYS),
         ):
             if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
                 raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
         if math.isqrt(self.pixel_samples) ** 2 != self.pixel_samples:
             raise InputError(
                 "pixel-samples", f"{self.pixel_samples}, expected a square number such as 1, 4 or 9"
+            )
+        if math.isqrt(self.gather_rays) ** 2 != self.gather_rays:
+            raise InputError(
+                "gather-rays", f"{self.gather_rays}, expected a square number such as 256, 1024 or 4096"
             )
         if self.tolerance is not None and self.epsilon is not None:
             raise InputError(

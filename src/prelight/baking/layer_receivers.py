@@ -14,6 +14,7 @@ from ..scene.mesh import short_name
 from ..transport.direct import DiffuseTransfer
 from ..transport.eye import SeenPoints, seen_points, vertex_points
 from ..transport.transfer import DarkTransfer, Transfer
+from ..transport.vantage import vantage_points
 from ..transport.viewed import ViewedTransfer
 from .environment_settings import PIXELS, EnvironmentSettings
 from .zones import DARK, DIFFUSE, VIEWED, Zone, divide, sort_of
@@ -42,6 +43,13 @@ class LayerReceivers:
         return Occluders(self.scene.positions, self.scene.triangles)
 
     @cached_property
+    def origins(self) -> Positions:
+        """Where rays of vertices begin, before they are lifted: not in a corner, if light is to bounce there."""
+        if self.settings.bounces == 0:
+            return self.scene.positions
+        return vantage_points(self.scene, self.occluders)
+
+    @cached_property
     def zones(self) -> list[Zone]:
         """Every row in one of them; the same for the same scene and settings."""
         positions, normals = self._places
@@ -61,7 +69,7 @@ class LayerReceivers:
             return DarkTransfer(len(rows), zone.channels)
         if zone.kind == VIEWED:
             return ViewedTransfer(self.occluders, self.surfaces, self.points, receivers=rows)
-        return DiffuseTransfer(self.occluders, self.scene.positions[rows], self.scene.normals[rows])
+        return DiffuseTransfer(self.occluders, self.origins[rows], self.scene.normals[rows])
 
     @cached_property
     def surfaces(self) -> SurfaceScene:

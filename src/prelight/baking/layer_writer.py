@@ -17,11 +17,13 @@ from ..scene.geometry import Scene
 from ..storage.chunks import ArraySpec, ChunkRecord
 from ..storage.journal import BakeWriter
 from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest, SceneRecord
+from .bounced import BouncedLight
+from .bounced_writer import write_bounced
 from .clustering import cluster_lights
 from .environment_plan import EnvironmentPlan
 from .environment_settings import PIXELS, EnvironmentSettings
 from .layer_receivers import LayerReceivers
-from .zones import Zone
+from .zones import DIFFUSE, Zone
 
 LAYER = "layers/environment"
 Report = Callable[[float, float, int], None]  # fraction done, seconds left, clusters so far
@@ -39,18 +41,30 @@ class LayerWriter:
         self.test = self.settings.test_for(receivers.count)
         self.last_parcel = self.started = time.perf_counter()
         self.rays_before = self.rays_done = sum(e["rays"] for e in writer.entries)
-        self.clusters = sum(len(e["leaves"]) for e in writer.entries)
+        self.clusters = sum(len(e["leaves"]) for e in self.parcels)
         self.chunks: dict[str, ChunkRecord] = {}
         self.arrays: dict[str, ArraySpec] = {}
+
+    @property
+    def parcels(self) -> list[dict[str, Any]]:
+        """The journal's lines of parcels; the last line of all is that of bounced light."""
+        return [e for e in self.writer.entries if "zone" in e]
+
+    @property
+    def bounced(self) -> dict[str, Any] | None:
+        """The journal's line of bounced light, if it is done."""
+        return next((e for e in self.writer.entries if "bounced" in e), None)
 
     def run(self) -> Manifest:
         """Bake what the journal does not have yet."""
         for z, zone in enumerate(self.receivers.zones):
-            kept = [np.array(e["leaves"], np.int32) for e in self.writer.entries if e["zone"] == z]
+            kept = [np.array(e["leaves"], np.int32) for e in self.parcels if e["zone"] == z]
             leaves = np.concatenate(kept) if kept else np.zeros((0, 5), np.int32)
             cover = LeafCover(leaves, self.settings.resolution)
             if not cover.is_complete:
                 self._bake_after(z, zone, cover)
+        if self.settings.bounces != 0 and self.bounced is None:
+            self._bounce()
         self.report(1.0, 0.0, self.clusters)
         return self._manifest()
 
@@ -74,18 +88,40 @@ class LayerWriter:
         if pending:
             self._write_parcel(z, pending)
 
+    def _bounce(self) -> None:
+        """Light that has bounced, of the whole layer at once: made anew if it was interrupted."""
+        plan, began = self.plan, time.perf_counter()
+        direct = 1 - plan.bounced.seconds / max(plan.seconds, 1e-9)
+
+        def told(share: float) -> None:
+            elapsed = time.perf_counter() - began
+            left = elapsed * (1 - share) / share if share > 0.01 else plan.bounced.seconds
+            self.report(min(0.99, direct + (1 - direct) * share), left, self.clusters)
+
+        light = BouncedLight(
+            self.receivers, rays=self.settings.gather_rays, most=self.settings.bounces,
+            memory=plan.bounced.operator_bytes, report=told,
+        )  # fmt: skip
+        lanes = min(cut.lanes for cut in plan.cuts)
+        line = write_bounced(
+            self.writer, f"{LAYER}/bounced", light.found(lanes=lanes), self.receivers.zones
+        )
+        self.writer.append(line | {"seconds": time.perf_counter() - began})
+
     def _tell(self) -> None:
-        planned = max(self.plan.rays, 1)
+        plan = self.plan
+        planned, seconds = max(plan.rays - plan.bounced.rays, 1), max(plan.seconds, 1e-9)
         share = (self.rays_done - self.rays_before) / max(planned - self.rays_before, 1)
-        elapsed = time.perf_counter() - self.started
-        left = elapsed * (1 - min(share, 0.99)) / min(share, 0.99) if share > 0 else self.plan.seconds
-        self.report(min(0.99, self.rays_done / planned), left, self.clusters)
+        elapsed, later = time.perf_counter() - self.started, plan.bounced.seconds
+        left = elapsed * (1 - min(share, 0.99)) / min(share, 0.99) if share > 0 else seconds - later
+        done = min(0.99, self.rays_done / planned) * (1 - later / seconds)
+        self.report(min(done, 0.99), left + later, self.clusters)
 
     def _write_parcel(self, z: int, clusters: list[tuple]) -> None:
         """Four chunks, then the journal's line that says they are whole."""
         leaves, columns, scales, rays = (np.stack(x) for x in zip(*clusters, strict=True))
         tiles, present = _encoded(columns)
-        q = len(self.writer.entries)
+        q = len(self.parcels)
         written = {}
         parts = {"tiles": tiles, "present": present, "rectangles": leaves, "scales": scales}
         for name, values in parts.items():
@@ -113,7 +149,7 @@ class LayerWriter:
 
     def _name_parcels(self) -> None:
         """Array specifications and chunk records of all that the journal has."""
-        for q, entry in enumerate(self.writer.entries):
+        for q, entry in enumerate(self.parcels):
             zone, clusters = self.receivers.zones[entry["zone"]], len(entry["leaves"])
             panels = -(-clusters // PANEL)
             for name, shape, dtype in (
@@ -125,6 +161,9 @@ class LayerWriter:
                 spec = ArraySpec(shape=shape, dtype=dtype, chunk_shape=shape)
                 self.arrays[f"{LAYER}/{name}/{q:05d}"] = spec
             self.chunks |= {key: ChunkRecord(**record) for key, record in entry["chunks"].items()}
+        if (bounced := self.bounced) is not None:
+            self.arrays |= {name: ArraySpec(**spec) for name, spec in bounced["arrays"].items()}
+            self.chunks |= {key: ChunkRecord(**record) for key, record in bounced["chunks"].items()}
 
     def _manifest(self) -> Manifest:
         scene, zones = self.scene, self.receivers.zones
@@ -133,9 +172,11 @@ class LayerWriter:
                 self._write_whole(f"scene/{name}", values)
         for k, texture in enumerate(scene.textures):
             self._write_whole(f"scene/textures/{k:05d}", texture)
+        if self.receivers.settings.bounces != 0 and any(zone.kind == DIFFUSE for zone in zones):
+            self._write_whole(f"{LAYER}/origins", self.receivers.origins)
         self._write_whole(f"{LAYER}/order", np.concatenate([zone.stored_rows() for zone in zones]))
         found = np.zeros((len(zones), 2), np.int32)  # clusters, parcels
-        for entry in self.writer.entries:
+        for entry in self.parcels:
             found[entry["zone"]] += (len(entry["leaves"]), 1)
         shapes = np.array([(zone.groups, zone.channels) for zone in zones], np.int32)
         self._write_whole(f"{LAYER}/zones", np.concatenate([shapes, found], axis=1))
@@ -152,7 +193,8 @@ class LayerWriter:
         )
 
     def _layer_record(self, clusters: np.ndarray) -> LayerRecord:
-        zones, entries, settings = self.receivers.zones, self.writer.entries, self.settings
+        zones, entries, settings = self.receivers.zones, self.parcels, self.settings
+        bounced = self.bounced
         elements = sum(int(c) * z.channels * len(z.rows) for c, z in zip(clusters, zones, strict=True))
         is_viewed = any(zone.channels == 3 for zone in zones)
         eye = self.receivers.eye
@@ -164,6 +206,7 @@ class LayerWriter:
             "samples_per_side": settings.samples_per_side,
             "receivers": settings.receivers,
             "zones": len(zones),
+            **_bounces(settings),
         }
         if settings.receivers == PIXELS:
             parameters |= {
@@ -173,12 +216,13 @@ class LayerWriter:
             kind="environment",
             basis_lights=6 * settings.resolution**2,
             coefficients=int(clusters.sum()),
-            rays=sum(e["rays"] for e in entries),
+            rays=sum(e["rays"] for e in self.writer.entries),
             camera=camera,
             parameters=parameters,
             statistics={
                 "nonzero_share": sum(e["nonzero"] for e in entries) / elements,
                 "tiles": sum(e["tiles"] for e in entries),
+                **({} if bounced is None else bounced["bounced"]),
             },
         )
 
@@ -209,8 +253,15 @@ def identity(receivers: LayerReceivers) -> dict[str, int | float | str | None]:
         "zones": settings.zones,
         "camera": json.dumps(eye[1].to_dict(), sort_keys=True) if eye else None,
         "picture": f"{picture[0]}x{picture[1]}, {picture[2]} samples" if is_picture else None,
+        **_bounces(settings),
         **software(),
     }
+
+
+def _bounces(settings: EnvironmentSettings) -> dict[str, int | str | None]:
+    if settings.bounces == 0:
+        return {"bounces": 0, "gather_rays": None}
+    return {"bounces": settings.bounces or "all", "gather_rays": settings.gather_rays}
 
 
 def software() -> dict[str, str]:

@@ -17,7 +17,8 @@ from ..transport.direct import DiffuseTransfer
 
 DEPTH = 4  # 16×16 cells of a face, if R is as large
 _FINEST = 32  # directions along a face's side that visibility is asked in
-_AT_ONCE = 1 << 23  # receiver-directions whose transfer is held as floats
+DIRECTIONS = 6 * _FINEST**2  # of all cells, about
+ASKED_AT_ONCE = 1 << 23  # receiver-directions whose transfer is held as floats
 
 
 def light_cells(resolution: int) -> Nodes:
@@ -92,6 +93,6 @@ class CellLight:
         return self._d[part].reshape(-1, 3)
 
     def _parts(self) -> Iterator[slice]:
-        step = max(1, _AT_ONCE // (self._d.shape[1] * max(self._transfer.receivers, 1)))
+        step = max(1, ASKED_AT_ONCE // (self._d.shape[1] * max(self._transfer.receivers, 1)))
         for start in range(0, len(self._d), step):
             yield slice(start, min(start + step, len(self._d)))

@@ -13,7 +13,7 @@ from ..errors import InputError
 class SampledSet:
     """A basis whose lights L_i = Σ_j A_ij·(span function j); subclasses define ``to_lights``."""
 
-    @cached_property
+    @property
     def to_lights(self) -> Float64[np.ndarray, "lights functions"]:
         """A (M, S): coefficients of the basis lights; basis images are A @ span images."""
         raise AttributeError("to_lights")

@@ -14,17 +14,26 @@ from ..baking.layer_receivers import LayerReceivers
 from ..camera import Camera
 from ..drawing.figures import Shown, difference_picture, enlarged, panels, readable_factor
 from ..errors import InputError
+from ..rays.mitsuba import Occluders
 from ..rays.surfaces import SurfaceScene
 from ..relighting.relighter import Relighter
 from ..scene.baked import scene_of
 from ..storage.manifest import LayerRecord
 from ..transport.exact import integrate
+from ..transport.path_traced_light import LightWithVariance, LitScene, as_diffuse
 from ..transport.path_tracing import path_traced_radiance, path_traced_view
+from ..transport.vantage import vantage_points
 from .comparison import compare
 
 Share = Callable[[float], None]
 _PANEL = 320  # pixels, that small pictures are enlarged to
 _ALLOWED = 0.01  # of the largest reference: what a bake may lose before a value counts as rejected
+
+
+def bounces_of(layer: LayerRecord) -> int | None:
+    """How often light bounces in a layer: None for as often as it matters, 0 where it is direct alone."""
+    said = layer.parameters.get("bounces", 0)
+    return None if said == "all" else int(said)  # ty: ignore[invalid-argument-type]
 
 
 def settings_of(layer: LayerRecord) -> EnvironmentSettings:
@@ -42,6 +51,8 @@ def settings_of(layer: LayerRecord) -> EnvironmentSettings:
         receivers=said["receivers"],
         camera=eye,
         zones=said["zones"],
+        bounces=bounces_of(layer),
+        **({"gather_rays": said["gather_rays"]} if "gather_rays" in said else {}),
         **size,
     )
 
@@ -60,6 +71,7 @@ class Comparison:
     def __init__(self, light: Relighter, *, count: int = 1000, seed: int = 0) -> None:
         self.light = light
         record = light.bake.layers[light.layer_name]
+        self.bounces = bounces_of(record)
         self.receivers = LayerReceivers(scene_of(light.bake), settings_of(record))
         if self.receivers.is_picture:
             possible = np.flatnonzero(self.receivers.points.coverage > 0)
@@ -130,16 +142,28 @@ class Comparison:
     def _traced(self, cube: CubeMap, samples: int, seed: int, report: Share | None):
         scene = self.receivers.scene
         if self.receivers.eye is None:
+            albedo = scene.albedo[self.rows].astype(np.float64)
+            if self.bounces != 0:
+                found = self._light(cube, samples, seed, report)
+                return found.total * albedo, found.total_variance * albedo**2
             mean, variance = path_traced_radiance(
                 scene.positions, scene.triangles, scene.normals,
                 receivers=self.rows, cube=cube, samples=samples, seed=seed, report=report,
             )  # fmt: skip
-            albedo = scene.albedo[self.rows].astype(np.float64)
             return mean * albedo, variance * albedo**2
         return path_traced_view(
             SurfaceScene(scene), self.receivers.points,  # materials as they are, not as wide as the lights
-            cube=cube, receivers=self.rows, samples=samples, seed=seed, report=report,
+            cube=cube, receivers=self.rows, bounces=self.bounces, samples=samples, seed=seed, report=report,
         )  # fmt: skip
+
+    def _light(self, cube: CubeMap, samples: int, seed: int, report: Share | None) -> LightWithVariance:
+        """With bounces between surfaces that are all diffuse, as in a bake without an eye."""
+        scene = self.receivers.scene
+        stand = vantage_points(scene, Occluders(scene.positions, scene.triangles))
+        lit = LitScene(as_diffuse(scene), sky=cube)
+        return lit.light(
+            self.rows, origins=stand, bounces=self.bounces, samples=samples, seed=seed, report=report
+        )
 
     def picture(self, camera: Camera, *, width: int, height: int, emphasis: float | None) -> Shown:
         """Bake, reference and their difference beside each other; after ``choose_seen`` and ``run``.

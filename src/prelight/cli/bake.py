@@ -10,10 +10,13 @@ from cyclopts import App, Parameter
 from ..camera import Camera
 from ..errors import InputError
 from . import arguments, printing
+from .bake_steerable import steerable
 
 app = App(
     help="Trace a scene once and keep its light transport in NAME.prelight. One subcommand for each kind of light."
 )
+
+app.command(steerable)
 
 
 @app.command
@@ -27,6 +30,8 @@ def environment(
     epsilon: float | None = None,
     samples_per_side: Annotated[int, Parameter(converter=arguments.whole_number)] = 3,
     zones: Annotated[int, Parameter(converter=arguments.whole_number)] = 1,
+    bounces: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
+    gather_rays: Annotated[int, Parameter(converter=arguments.whole_number)] = 1024,
     receivers: str = "vertices",
     camera: str | None = None,
     size: str | None = None,
@@ -67,6 +72,12 @@ def environment(
     zones
         Divide the receivers into about so many parts by place, 1 to 4096, each with clusters of its own: the tolerance
         then holds in each of them, not only on average over all.
+    bounces
+        How often light may bounce from surface to surface before it arrives, at most 1000; 0 for direct light only.
+        If not given as often as matters: until what is left is below a thousandth of it.
+    gather_rays
+        Rays from each receiver that find the surfaces which light bounces from, a square number up to 16384: four
+        times as many halve the noise of bounced light.
     receivers
         vertices, or pixels: what --camera sees, at the pixels of a picture of --size.
     camera
@@ -121,6 +132,7 @@ def environment(
             resolution, tolerance, epsilon, samples_per_side, budget,
             receivers=receivers, camera=_eye(camera), width=width, height=height,
             pixel_samples=4 if pixel_samples is None else pixel_samples, zones=zones,
+            bounces=bounces, gather_rays=gather_rays,
         )  # fmt: skip
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_environment(loaded, settings)
@@ -134,6 +146,12 @@ def environment(
             f"about {plan.clusters:,} clusters, {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
             f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
         )
+        if bounces != 0:
+            light = plan.bounced
+            printing.say(
+                f"of it for light that has bounced {printing.count(light.rays)} rays, "
+                f"{printing.duration(light.seconds)}, {printing.size(light.bytes)} (--bounces 0 leaves it out)"
+            )
     if dry_run:
         if json:
             printing.say_json(plan.summary())

@@ -1,14 +1,19 @@
-"""``prelight demo``: the built-in scene, baked, relit under several skies, in pictures."""
+"""``prelight demo``: the built-in scene, baked, relit under several skies in pictures, then in the studio."""
 
 from __future__ import annotations
 
+import shlex
+import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from . import printing
+
+if TYPE_CHECKING:
+    from ..storage.bake import Bake
 
 SCENE = "sculpture"
 RESOLUTION = 128
@@ -17,18 +22,22 @@ RESOLUTION = 128
 def demo(
     *,
     output: Annotated[Path, Parameter(["--output", "-o"])] = Path("prelight-demo"),
+    browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Bake the built-in sculpture, light it with several skies and write the pictures. Two minutes on two cores.
+    """Bake the built-in sculpture, light it with several skies, write the pictures, and open the studio.
 
-    A second run finds the bake and only lights it.
+    Two minutes on two cores; a second run finds the bake and only lights it. Without a terminal, or with --no-browser
+    or --json, it ends after the pictures.
 
     Parameters
     ----------
     output
         The folder for the bake and the pictures.
+    browser
+        Open the studio in the browser at the end.
     json
-        Print one JSON object on standard output.
+        Print one JSON object on standard output, and end.
     """
     from ..errors import OutputError
     from ..files import explain
@@ -64,6 +73,18 @@ def demo(
         printing.say_json({"folder": str(output.resolve()), "bake_seconds": bake_seconds, "pictures": lit})
     else:
         printing.say(f"The pictures are in {output.resolve()}")
+        _open_studio(light.bake, browser=browser and sys.stdin.isatty() and sys.stdout.isatty())
+
+
+def _open_studio(bake: Bake, *, browser: bool) -> None:
+    """The studio, or how to open it: a script that runs the demo must not wait for a person."""
+    if not browser:
+        printing.say(f"To turn the sky yourself: prelight studio {shlex.quote(str(bake.path))}")
+        return
+    from ..studio.environments import Environments
+    from .studio import serve
+
+    serve(bake, Environments(), browser=True)
 
 
 def _baked(folder: Path, *, quiet: bool):

@@ -17,7 +17,7 @@ import cyclopts
 
 from ..errors import InterruptedBakeError, PrelightError, printable
 from ..files import explain
-from . import bake, compare, demo, doctor, inspect, relight, studio, verify
+from . import bake, compare, demo, doctor, inspect, relight, solve, studio, verify
 
 EXIT_FAULT, EXIT_INPUT, EXIT_OUTPUT, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -40,6 +40,7 @@ app.command(demo.demo)
 app.command(bake.app, name="bake")
 app.command(relight.relight)
 app.command(studio.studio)
+app.command(solve.solve)
 app.command(compare.compare)
 app.command(inspect.inspect)
 app.command(verify.verify)

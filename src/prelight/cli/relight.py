@@ -84,6 +84,20 @@ def relight(
     metered, stops = arguments.exposure(exposure)
     behind = _background(background)
 
+    from ..relighting.stored_steerable import steerable_names
+    from ..storage.bake import Bake
+
+    opened = Bake.open(bake)
+    if opened.layers and len(steerable_names(opened)) == len(opened.layers):
+        from .relight_steerable import relight_steerable
+
+        if camera is not None or size is not None:
+            raise InputError("--camera, --size", "steerable lamps are baked for one eye and size; leave them out")
+        relight_steerable(
+            opened, rig, output=output, brightness=(scale, arguments.colour("--tint", tint)),
+            exposure=(metered, stops), curve=curve, force=force, json=json,
+        )  # fmt: skip
+        return
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..lighting.rig import Rig
         from ..relighting.relighter import Relighter

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import threading
 import webbrowser
@@ -107,15 +108,16 @@ def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, j
 
     kept = state_file(bake.path)
     running = Studio(Served(bake, environments, kept, note), port=port)
-    link = running.new_link()
+    link, asks = running.new_link(), not json and sys.stdin.isatty()
     if json:
         printing.say_json({"url": link})
     else:
-        printing.say(f"studio of {bake.path}: {link}\nEnter gives another link, Ctrl-C ends the studio")
+        more = "Enter gives another link, " if asks else ""
+        printing.say(f"studio of {bake.path}: {link}\n{more}Ctrl-C ends the studio")
     sys.stdout.flush()
-    if browser:
+    if browser and _has_screen():
         threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
-    if not json and sys.stdin.isatty():
+    if asks:
         threading.Thread(target=_give_links, args=(running,), daemon=True).start()
     try:
         running.serve()
@@ -124,6 +126,13 @@ def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, j
             raise  # SIGTERM
         if not json:  # Ctrl-C is how one leaves, and nothing is lost
             printing.say(f"the studio has ended; its light is in {kept}" if kept.exists() else "the studio has ended")
+
+
+def _has_screen() -> bool:
+    """Whether a browser would have a window: without, one for terminals would be opened in this one."""
+    return not sys.platform.startswith("linux") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
 
 
 def _give_links(running: Studio, read: Callable[[], str] | None = None) -> None:

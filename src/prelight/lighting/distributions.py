@@ -138,10 +138,13 @@ class Gobo:
         (height, width, 3) linear, not negative.
     spread_deg
         The angle from its left edge to its right one, 1 to 170.
+    source
+        The file it was read from, if any.
     """
 
     picture: np.ndarray
     spread_deg: float
+    source: str = ""
 
     def __post_init__(self) -> None:
         p = np.asarray(self.picture)

@@ -33,14 +33,15 @@ class Photometry:
     """A measured distribution of type C.
 
     ``vertical`` (v,) degrees from the beam, ``horizontal`` (h,) degrees around it, over the whole circle; ``candela``
-    (h, v), with the multipliers of the file. ``lumens``: what the file says one lamp gives, or None.
+    (h, v), with the multipliers of the file. ``lumens``: what the file says its lamps give, None where it says that its
+    values are absolute. ``source``: the file.
     """
 
     vertical: Float64[np.ndarray, "vertical"]
     horizontal: Float64[np.ndarray, "horizontal"]
     candela: Float64[np.ndarray, "horizontal vertical"]
     lumens: float | None = None
-    name: str = ""
+    source: str = ""
 
     @classmethod
     def open(cls, path: str | Path) -> Photometry:
@@ -203,9 +204,7 @@ def _luminaire(numbers: _Numbers, name: object) -> Photometry:
     if not candela.max() > 0.0:
         raise numbers.refuse("all candela values are zero: this lamp is dark")
     horizontal, candela = _all_around(numbers, horizontal, candela)
-    return Photometry(
-        vertical, horizontal, candela, None if lumens < 0.0 else lumens * lamps, Path(str(name)).stem
-    )
+    return Photometry(vertical, horizontal, candela, None if lumens < 0.0 else lumens * lamps, str(name))
 
 
 def _angles(numbers: _Numbers, count: int, what: str, most: float) -> np.ndarray:

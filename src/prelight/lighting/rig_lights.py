@@ -147,12 +147,13 @@ def _distribution(table: BeamTable, folder: Path) -> Distribution | None:
     if table.ies is not None:
         return Photometry.open(folder / table.ies)
     if table.picture is not None and table.spread_deg is not None:
-        return Gobo(_read_picture(folder / table.picture), table.spread_deg)
+        path = folder / table.picture
+        return Gobo(read_linear_picture(path), table.spread_deg, str(path))
     return None
 
 
-def _read_picture(path: Path) -> np.ndarray:
-    """A linear picture (height, width, 3): EXR and HDR as they are, PNG and JPEG from sRGB."""
+def read_linear_picture(path: Path) -> np.ndarray:
+    """A linear picture (height, width, 3), EXR and HDR as they are, PNG and JPEG from sRGB; raises InputError."""
     if path.suffix.lower() in (".exr", ".hdr", ".pfm"):
         picture = read_radiance_map(path)
     else:

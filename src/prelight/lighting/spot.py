@@ -95,7 +95,9 @@ class Spot:
 
     def notes(self, basis: object, place: Place) -> list[str]:
         """What somebody who lights with it should know: a shape that this layer holds only roughly."""
-        fit = self.fit(basis) if isinstance(basis, SpotBasis) else None
+        if not isinstance(basis, SpotBasis):
+            return []
+        fit = self.fit(basis)
         if fit is None or fit.error < NOTICED:
             return []
-        return [f"its shape is approximated by degree {basis.degree}: {fit.words}"]  # ty: ignore[unresolved-attribute]
+        return [f"its shape is approximated by degree {basis.degree}: {fit.words}"]

@@ -1,12 +1,13 @@
 """Soft disc lights on top of the cube: what each brings at strength one is kept, and added in its colour.
 
 So brightening a disc reads no transfer, and moving it only that of the clusters where more or less of it falls
-than before (Eq. 15, with one change of light for three colours). A disc that is gone leaves no trace.
+than before (Eq. 15, with one change of light for three colours), most of which is at hand (``columns``). A disc
+that is gone leaves no trace.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +15,14 @@ import numpy as np
 from ..arrays import Float64, Int64
 from ..encoding.sparse_tiles import GROUP
 from ..lighting.regions import Cap
+from .columns import Columns
 from .layer import EnvironmentLayer
 from .light_tree import LightTree, Weights
 from .pace import Pace
 from .tile_kernels import EVERY, move_discs
 
 Colour = Float64[np.ndarray, "3"]
-_NOWHERE: Weights = (np.zeros(0, np.int64), np.zeros((0, 3)))
+_NOWHERE: Weights = (np.zeros(0, np.int64), np.zeros((0, 1)))
 
 
 @dataclass
@@ -51,10 +53,15 @@ class DiscLights:
         self._units = np.zeros((0, int(self._unit_starts[-1])))
         self._alight = np.zeros((0, layer.groups), bool)
         self._free: list[int] = []
-        self._pace = Pace(move_discs)
+        self._pace, self._columns = Pace(move_discs), Columns(layer)
+        self._is_sound = True
 
     def change(self, wanted: Mapping[Cap, Colour], shares: Int64[np.ndarray, "threads+1"]) -> tuple[int, int]:
         """Let these discs and no others shine: clusters whose light changes, and bytes of tiles read."""
+        if not self._is_sound:  # the last change broke off: units may not be what their weights say
+            self._lit.clear()
+            self._free = list(range(len(self._units)))
+        self._is_sound = False
         gone = [region for region in self._lit if region not in wanted]
         clusters, moves = 0, []
         for region, colour in wanted.items():
@@ -71,7 +78,9 @@ class DiscLights:
             lit = self._lit.pop(region)
             self._free.append(lit.place)
             clusters += lit.clusters
-        return clusters, self._apply(moves, shares) if moves else 0
+        read = self._apply(moves, shares) if moves else 0
+        self._is_sound = True
+        return clusters, read
 
     def shine(self) -> tuple[tuple, np.ndarray, np.ndarray, np.ndarray]:
         """What ``write_radiance`` wants to know of them."""
@@ -79,6 +88,10 @@ class DiscLights:
         places = np.array([disc.place for disc in lit], np.int64)
         colours = np.array([disc.colour for disc in lit]).reshape(-1, 3)
         return (places, colours, EVERY), self._unit_starts, self._units, self._alight
+
+    def falling(self) -> Iterator[tuple[Weights, Colour]]:
+        """How much of each disc falls where, and its colour."""
+        return ((lit.weights, lit.colour) for lit in self._lit.values())
 
     @property
     def bytes(self) -> int:
@@ -94,14 +107,13 @@ class DiscLights:
 
     def _apply(self, moves: list[_Move], shares: np.ndarray) -> int:
         *where, weights = self._tree.gather(*(move.weights for move in moves))
-        places = np.array([move.place for move in moves])
-        afresh = np.array([move.afresh for move in moves])
+        changes = tuple(where)
+        lights = np.array([move.place for move in moves]), np.array([move.afresh for move in moves])
+        units = self._unit_starts, self._units, self._alight, shares
         read = self._layer.bytes_in(where[1], where[2])
-        self._pace(
-            read + len(moves) * self._units.shape[1] * self._units.itemsize,
-            self._layer.tiles, tuple(where), weights, places, afresh, self._unit_starts, self._units,
-            self._alight, shares,
-        )  # fmt: skip
+        size = read + len(moves) * self._units.shape[1] * self._units.itemsize
+        if not self._columns.move(size, changes, weights, lights, units):
+            self._pace(size, self._layer.tiles, changes, weights, *lights, *units)
         return read
 
     def _new_place(self) -> int:

@@ -14,6 +14,8 @@ from ..encoding.sparse_tiles import GROUP
 from ..errors import InputError
 from ..lighting.disc import Disc
 from ..lighting.regions import Cap
+from .bounced import BouncedLight
+from .bounced_layer import BouncedLayer
 from .disc_lights import DiscLights
 from .layer import EnvironmentLayer
 from .light_tree import LightTree
@@ -75,10 +77,15 @@ class EnvironmentRelighter:
     ----------
     albedo
         (rows, 3), multiplies irradiance / π where the layer keeps that; None for a layer of pixels.
+    bounced
+        The layer's bounced part; direct light only without it.
     """
 
     def __init__(
-        self, layer: EnvironmentLayer, albedo: Float32[np.ndarray, "receivers 3"] | None = None
+        self,
+        layer: EnvironmentLayer,
+        albedo: Float32[np.ndarray, "receivers 3"] | None = None,
+        bounced: BouncedLayer | None = None,
     ) -> None:
         self.layer = layer
         self._albedo = np.ones((1, 3), np.float32) if albedo is None else np.ascontiguousarray(albedo)
@@ -86,13 +93,15 @@ class EnvironmentRelighter:
             raise InputError("albedo", "None, expected (rows, 3): this layer keeps irradiance")
         R = layer.resolution
         self._cube = np.zeros((6, R, R, 3), np.float32)
-        self._tree = LightTree(layer)
+        self._tree = LightTree(layer) if bounced is None else LightTree(layer, bounced.cells)
         self._discs = DiscLights(layer, self._tree)
         self._sums = np.zeros((layer.groups, 3 * GROUP))
         self._shares = layer.even_shares(numba.get_num_threads())
         self._scratch = np.zeros((len(self._shares) - 1, 3 * GROUP), np.float32)
         self._ledger, self._local, self._write = _Ledger(), Pace(relight_local), Pace(write_radiance)
         self.last = Update("none", 0.0, 0, 0)
+        self.bounced = bounced and BouncedLight(bounced, layer, self._tree.cell_nodes, len(self._tree))
+        self._both = np.empty_like(self._sums)
 
     @property
     def cube(self) -> CubeMap:
@@ -114,9 +123,21 @@ class EnvironmentRelighter:
     def _written(self, albedo: np.ndarray) -> Radiance:
         layer, radiance = self.layer, np.empty((self.layer.rows, 3), np.float32)
         size = self._sums.nbytes + self._discs.bytes + radiance.nbytes
-        discs = self._discs.shine()
-        self._write(size, layer.order, albedo, self._sums, *discs, radiance, self._shares)
+        discs, sums = self._discs.shine(), self._sums
+        if self.bounced is not None:
+            self.settle()
+            sums = np.add(sums, self.bounced.sums, out=self._both)
+        self._write(size, layer.order, albedo, sums, *discs, radiance, self._shares)
         return radiance
+
+    def settle(self) -> None:
+        """Let the light that there is now bounce; ``last`` then tells that too. Reading radiance does it by itself."""
+        if self.bounced is None:
+            return
+        started = time.perf_counter()
+        if self.bounced.follow(self.bounced.light_of(self._tree.light, self._discs.falling())):
+            took, read = (time.perf_counter() - started) * 1e3, self.bounced.part.bytes
+            self.last = Update("none", took, read, 0).after(self.last)
 
     def set_cube(self, cube: CubeMap) -> Update:
         """Replace all texels (copied); only clusters whose light changes are summed again. Discs stay.

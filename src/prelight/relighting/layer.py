@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit, types
 
-from ..arrays import Float32, Int32, Int64, UInt16
+from ..arrays import Float32, Int32, Int64, Positions, UInt16
 from ..camera import Camera
 from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES, first_tiles, panels_of_parcel
 from ..errors import DamagedBakeError, InputError
@@ -73,9 +74,20 @@ class EnvironmentLayer:
         counts = [np.add.reduceat(present >> s & 1, words, dtype=np.int64) for s in range(TILES)]
         self._tiles_of_column = np.stack(counts, axis=1).ravel()  # how many groups have a tile there
 
+    @cached_property
+    def origins(self) -> Positions:
+        """(vertices, 3) where rays of vertices begin, before they are lifted."""
+        name = f"{self._at}/origins"
+        if name not in self._bake.manifest.arrays:
+            return self._bake.receivers.positions
+        origins = self._array("origins", "float32", list(self._bake.receivers.positions.shape))
+        if not np.isfinite(origins).all():
+            raise self._damaged("its origins are not finite")
+        return origins
+
     def bytes_in(self, column: np.ndarray, start: np.ndarray) -> int:
         """Bytes of tiles that changes read, listed as by ``gather_changes``."""
-        return int((self._tiles_of_column[column] * np.diff(start)).sum()) * GROUP
+        return int(self._tiles_of_column[column] @ (start[1:] - start[:-1])) * GROUP
 
     def even_shares(self, threads: int) -> Int64[np.ndarray, "threads+1"]:
         """Groups for each thread, so that all have as many bytes of tiles; thread t has shares[t] … shares[t+1]."""

@@ -19,6 +19,7 @@ def _read_only(kind: types.Type, dimensions: int) -> types.Array:
     return types.Array(kind, dimensions, "C", readonly=True)
 
 
+BOX = 32  # nodes, whose rectangles have one around them
 NODES, AFTER, _OMEGA = _read_only(i4, 2), _read_only(i8, 1), _read_only(f4, 2)
 
 
@@ -67,10 +68,18 @@ def light_everywhere(cube, omega, nodes, after, shares, light):
 
 
 @njit(cache=True)
-def touched(nodes, after, begin, end, top, left, bottom, right, found):
-    """Nodes begin … end of a face that a rectangle of texels touches (section 5.2), ascending."""
+def touched(nodes, after, boxes, begin, end, top, left, bottom, right, found):
+    """Nodes begin … end of a face that a rectangle of texels touches (section 5.2), ascending.
+
+    boxes (nodes / 32, 4): first and last row + 1, first and last column + 1 of 32 nodes each, if of one face.
+    """
     count, i = 0, begin
     while i < end:
+        if i % BOX == 0 and i + BOX <= end:
+            box = boxes[i // BOX]
+            if box[0] >= bottom or box[1] <= top or box[2] >= right or box[3] <= left:
+                i += BOX
+                continue
         node = nodes[i]
         if node[1] < bottom and node[1] + node[3] > top and node[2] < right and node[2] + node[4] > left:
             found[count] = i
@@ -82,15 +91,29 @@ def touched(nodes, after, begin, end, top, left, bottom, right, found):
 
 
 @njit(
-    [i8(_read_only(f4, 4), _OMEGA, NODES, AFTER, i8, i8, _read_only(i8, 1), f8[:, ::1], i8[::1], f8[:, ::1])],
+    [
+        i8(
+            _read_only(f4, 4),
+            _OMEGA,
+            NODES,
+            AFTER,
+            NODES,
+            i8,
+            i8,
+            _read_only(i8, 1),
+            f8[:, ::1],
+            i8[::1],
+            f8[:, ::1],
+        )
+    ],
     cache=True,
 )
-def light_again(cube, omega, nodes, after, begin, end, place, light, found, change):
+def light_again(cube, omega, nodes, after, boxes, begin, end, place, light, found, change):
     """New light of the nodes that changed texels touch; place (4,): their top, left, bottom, right.
 
     Sets ``light``, and found (n,), ascending, and change (n, 3) of the nodes whose light is another; returns n.
     """
-    count = touched(nodes, after, begin, end, place[0], place[1], place[2], place[3], found)
+    count = touched(nodes, after, boxes, begin, end, place[0], place[1], place[2], place[3], found)
     new = np.empty(3)
     for n in range(count - 1, -1, -1):
         i = found[n]
@@ -155,6 +178,7 @@ def gather_changes(zones, owners, changed, change, starts, slots, scales):
     column, start = np.empty(total, np.int64), np.empty(total + 1, np.int64)
     index, weights = np.empty(total, np.int32), np.empty((total, 3))
     columns = 0
+    only = change.shape[1] == 1
     for b in range(buckets):
         for m in range(ends[b], ends[b + 1]):
             if m == ends[b] or slot[m] // TILE != column[columns - 1]:
@@ -162,7 +186,7 @@ def gather_changes(zones, owners, changed, change, starts, slots, scales):
                 columns += 1
             index[m] = slot[m] % TILE
             for c in range(3):
-                weights[m, c] = change[source[m], c] * scales[slot[m], c]
+                weights[m, c] = change[source[m], 0 if only else c] * scales[slot[m], c]
         begins[b + 1] = columns
     start[columns] = total
     return begins, column[:columns].copy(), start[: columns + 1].copy(), index, weights
@@ -175,7 +199,7 @@ def gather_changes(zones, owners, changed, change, starts, slots, scales):
 def difference(nodes, weights, old_nodes, old_weights):
     """Where the weights (n, 3) of a light differ from its old ones, and by how much; nodes (n,) ascend."""
     most = len(nodes) + len(old_nodes)
-    found, change = np.empty(most, np.int64), np.empty((most, 3))
+    found, change = np.empty(most, np.int64), np.empty((most, weights.shape[1]))
     count = n = o = 0
     while n < len(nodes) or o < len(old_nodes):
         i = nodes[n] if n < len(nodes) else np.int64(2**62)

@@ -19,6 +19,7 @@ from ..lighting.regions import Cap
 from .disc_kernels import weigh_disc
 from .layer import EnvironmentLayer
 from .light_kernels import (
+    BOX,
     difference,
     gather_changes,
     light_again,
@@ -26,34 +27,44 @@ from .light_kernels import (
     weigh_clusters,
 )
 
-Weights = tuple[Int64[np.ndarray, "nodes"], Float64[np.ndarray, "nodes 3"]]
+Weights = tuple[Int64[np.ndarray, "nodes"], Float64[np.ndarray, "nodes channels"]]  # 3, or 1: alike in all
 Changes = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # of ``gather_changes``
 
 
 class LightTree:
-    """Nodes that are a cluster of some zone, in pre-order, and their light (n, 3) now, float64."""
+    """Nodes that are a cluster of some zone, or one of ``cells``, in pre-order, and their light (n, 3) now, float64.
 
-    def __init__(self, layer: EnvironmentLayer) -> None:
+    ``cells`` are all leaves of whole quadtrees too, in Z-order; ``cell_nodes`` says which nodes they are.
+    """
+
+    def __init__(
+        self, layer: EnvironmentLayer, cells: Int32[np.ndarray, "cells 5"] = np.zeros((0, 5), np.int32)
+    ) -> None:
         self._layer, R = layer, layer.resolution
         self._omega = solid_angles(R)
-        counts = texel_counts(layer.rectangles)
+        rectangles, clusters = np.concatenate([layer.rectangles, cells]), len(layer.rectangles)
+        starts = np.append(layer.starts, len(rectangles)) if len(cells) else layer.starts
+        counts = texel_counts(rectangles)
         first = np.cumsum(counts) - counts
-        first -= np.repeat(first[layer.starts[:-1]], np.diff(layer.starts))  # of each zone's own walk
+        first -= np.repeat(first[starts[:-1]], np.diff(starts))  # of each zone's own walk
         most = len(FACES) * R * R
         keys, example, node = np.unique(
             first * most + (most - counts), return_index=True, return_inverse=True
         )
         first, ends = first[example], first[example] + counts[example]
-        self.nodes: Int32[np.ndarray, "nodes 5"] = np.ascontiguousarray(layer.rectangles[example])
+        self.nodes: Int32[np.ndarray, "nodes 5"] = np.ascontiguousarray(rectangles[example])
         self.after: Int64[np.ndarray, "nodes"] = np.searchsorted(first, ends).astype(np.int64)
         self._faces = np.searchsorted(first, np.arange(len(FACES) + 1) * R * R).astype(np.int64)
         self._node_of: Int64[np.ndarray, "slots"] = np.zeros(len(layer.scales), np.int64)
+        node, self.cell_nodes = node[:clusters], node[clusters:]
         self._node_of[layer.slots] = node
         self._starts = np.searchsorted(np.sort(node), np.arange(len(keys) + 1)).astype(np.int64)
+        self._clusters = np.diff(self._starts)
         self._slots = layer.slots[np.argsort(node, kind="stable")]
         atoms = self.after == np.arange(len(keys)) + 1
         self._texels = np.where(atoms, ends - first, 0)
         self._is_top = self._outermost()
+        self._boxes, self._angles = self._around(), self._solid_angles()
         self._shares = self._even_shares(numba.get_num_threads())
         for table in (
             self.nodes,
@@ -68,10 +79,30 @@ class LightTree:
         self.light: Float64[np.ndarray, "nodes 3"] = np.zeros((len(keys), 3))
         self._found = np.empty(len(keys), np.int64)
         self._change = np.empty((len(keys), 3))
-        self._scratch = np.zeros((len(keys), 3))
+        self._scratch, self._weights = np.zeros((2, len(keys), 1))
 
     def __len__(self) -> int:
         return len(self.nodes)
+
+    def _around(self) -> Int32[np.ndarray, "boxes 4"]:
+        """Rows and columns of 32 nodes each: first, last + 1; in the last box there may be fewer."""
+        _, row, column, height, width = self.nodes.T
+        starts = np.arange(0, len(self.nodes), BOX)
+        sides = [
+            function.reduceat(values, starts)
+            for function, values in (
+                (np.minimum, row), (np.maximum, row + height), (np.minimum, column), (np.maximum, column + width)
+            )
+        ]  # fmt: skip
+        return np.ascontiguousarray(np.stack(sides, axis=1), np.int32)
+
+    def _solid_angles(self) -> Float64[np.ndarray, "nodes"]:
+        """Each by its corners (``bases.cube_map``), as the discs' integrals are found."""
+        _, row, column, height, width = self.nodes.T
+        step = 2.0 / self._layer.resolution
+        u, v = np.stack([column, column + width]) * step - 1.0, np.stack([row, row + height]) * step - 1.0
+        area = np.arctan2(u[:, None] * v, np.sqrt(u[:, None] ** 2 + v**2 + 1.0))
+        return area[1, 1] - area[0, 1] - area[1, 0] + area[0, 0]
 
     def _outermost(self) -> np.ndarray:
         """Which nodes are inside no other: those that together are the whole cube."""
@@ -106,18 +137,18 @@ class LightTree:
     ) -> tuple[np.ndarray, np.ndarray]:
         """The same where only texels (top, left, bottom, right) of a face have changed."""
         n = light_again(
-            cube, self._omega, self.nodes, self.after, self._faces[face], self._faces[face + 1],
+            cube, self._omega, self.nodes, self.after, self._boxes, self._faces[face], self._faces[face + 1],
             np.array(place, np.int64), self.light, self._found, self._change,
         )  # fmt: skip
         return self._found[:n], self._change[:n]
 
     def weights_of(self, disc: Cap) -> Weights:
-        """Nodes that a disc touches, ascending, and ∫ share dω there, (n, 3), three times the same."""
+        """Nodes that a disc touches, ascending, and ∫ share dω there, (n, 1)."""
         n = weigh_disc(
             _frame(disc.direction), disc.depths, U, V, AXIS, self._layer.resolution,
-            self.nodes, self.after, self._faces, self._scratch, self._found, self._change,
+            self.nodes, self.after, self._boxes, self._faces, self._angles, self._scratch, self._found, self._weights,
         )  # fmt: skip
-        return self._found[:n].copy(), self._change[:n].copy()
+        return self._found[:n].copy(), self._weights[:n].copy()
 
     def gather(self, *lights: Weights) -> Changes:
         """What changes of nodes, ascending, of each light are to the clusters; see ``gather_changes``."""
@@ -133,7 +164,7 @@ class LightTree:
 
     def clusters_of(self, nodes: np.ndarray) -> int:
         """How many clusters, in all zones, these nodes are."""
-        return int((self._starts[nodes + 1] - self._starts[nodes]).sum())
+        return int(self._clusters[nodes].sum())
 
     def weigh(self) -> tuple[np.ndarray, np.ndarray]:
         """Weights (slots, 3) float32 of a full relight, and bits (panels,) of the tiles that have any."""

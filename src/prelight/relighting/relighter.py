@@ -20,6 +20,7 @@ from ..errors import InputError
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
 from ..storage.bake import Bake
+from .bounced_layer import read_bounced
 from .environment import MOST_DISCS, EnvironmentRelighter, Update
 from .layer import EnvironmentLayer
 from .strong_lights import NO_LIGHTS, StrongLights, together
@@ -44,6 +45,8 @@ class Relighter:
         Take the few lights that carry much of the energy (a sun) out of the clusters, and find their shadows by
         rays: 0.1 s or so where they move, and their error is gone. Switch it off while something is dragged.
         What a fixed eye sees of materials other than Lambertian needs the renderer for it; without, clusters do.
+    bounced
+        Add the light that has bounced, where the layer keeps it; direct light alone if not.
 
     Raises
     ------
@@ -52,12 +55,18 @@ class Relighter:
     """
 
     def __init__(
-        self, bake: Bake | str | Path, *, layer: str | None = None, trace_strong: bool = True
+        self,
+        bake: Bake | str | Path,
+        *,
+        layer: str | None = None,
+        trace_strong: bool = True,
+        bounced: bool = True,
     ) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self._layer = EnvironmentLayer(self.bake, layer)
         albedo = None if self._layer.picture_size else self.bake.receivers.albedo
-        self._live = EnvironmentRelighter(self._layer, albedo)
+        part = read_bounced(self.bake, self._layer) if bounced else None
+        self._live = EnvironmentRelighter(self._layer, albedo, part)
         self._environment = Environment.constant((0.0, 0.0, 0.0))
         self._strong = Strong(TracedLights(self.bake, self._layer), wanted=trace_strong)
         self._view = lru_cache(maxsize=4)(self._new_view)
@@ -88,6 +97,7 @@ class Relighter:
             live.last = live.set_discs(behind).after(texels)
         else:
             live.set_discs(behind)
+        live.settle()
         strong.lights = together([strong.of_map, traced])
         self._environment = environment
 
@@ -147,7 +157,7 @@ class Relighter:
         return self._strong.tracer.lambertian
 
     def traced_radiance(self, lights: StrongLights, *, irradiance: bool = False) -> Radiance:
-        """What these lights alone bring, (rows, 3), by a shadow ray for each light and receiver.
+        """What these lights alone bring, (rows, 3), by a shadow ray for each light and receiver, bounces included.
 
         ``irradiance``: before albedo. Raises MissingExtraError where that needs the renderer.
         """
@@ -160,6 +170,8 @@ class Relighter:
         if len(lights):
             more = self._strong.tracer.radiance(lights)
             lambertian = self._strong.tracer.lambertian
+            if self._live.bounced is not None:
+                more += self._live.bounced.of_strong(lights, more)
             if not irradiance and len(lambertian):
                 more[lambertian] *= self.bake.receivers.albedo[lambertian]
             radiance += more.astype(np.float32)
@@ -177,7 +189,9 @@ class Relighter:
         """
         for rectangle, texels in self._strong.give_back(face, rows, columns, self.resolution):
             self._live.edit(*rectangle, texels)
-        return self._live.edit(face, rows, columns, radiance)
+        self._live.edit(face, rows, columns, radiance)
+        self._live.settle()
+        return self.last
 
     def light_texel(self, face: int, row: int, column: int, radiance: float) -> None:
         """A dark environment but for one texel, grey, through its cluster: T_C of that light."""
@@ -185,6 +199,11 @@ class Relighter:
         self._live.edit(
             face, slice(row, row + 1), slice(column, column + 1), np.full(3, radiance, np.float32)
         )
+
+    @property
+    def has_bounces(self) -> bool:
+        """Whether light that has bounced is part of the radiance."""
+        return self._live.bounced is not None
 
     @property
     def layer_name(self) -> str:

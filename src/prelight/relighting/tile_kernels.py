@@ -27,7 +27,7 @@ _blend_grey = tile_product(ir.DoubleType(), colours=3, source=ir.DoubleType())
 _blend_one = tile_product(ir.DoubleType(), colours=1, source=ir.DoubleType())
 
 _TILE_BYTES = TILE * GROUP
-_AHEAD = 16  # groups whose tiles are on their way while one is multiplied
+AHEAD = 16  # groups whose tiles are on their way while one is multiplied
 _SUM_BYTES = 8 * GROUP  # of a channel of a group
 
 i8, i4, f4, f8 = types.int64, types.int32, types.float32, types.float64
@@ -37,11 +37,11 @@ def _read_only(kind: types.Type, dimensions: int) -> types.Array:
     return types.Array(kind, dimensions, "C", readonly=True)
 
 
-_TILES = types.NamedTuple(
+TILE_TABLES = types.NamedTuple(
     [_read_only(i8, 2), _read_only(i8, 1), _read_only(i8, 1), _read_only(i4, 1), _read_only(types.uint16, 1)],
     Tiles,
 )
-_SHARES = _read_only(i8, 1)
+SHARES = _read_only(i8, 1)
 
 
 @njit(cache=True)
@@ -81,7 +81,11 @@ def _full_groups(tiles, lit, weights, every, scratch, sums, begin, end):
 
 
 @njit(
-    [types.void(_TILES, types.uint16[::1], f4[:, ::1], _read_only(i4, 1), f4[:, ::1], f8[:, ::1], _SHARES)],
+    [
+        types.void(
+            TILE_TABLES, types.uint16[::1], f4[:, ::1], _read_only(i4, 1), f4[:, ::1], f8[:, ::1], SHARES
+        )
+    ],
     parallel=True,
     cache=True,
 )
@@ -96,7 +100,7 @@ def relight_full(tiles, lit, weights, every, scratch, sums, shares):
 
 
 @njit(cache=True)
-def _tile_address(addresses, words, first, present, column, word):
+def tile_address(addresses, words, first, present, column, word):
     """Where the tile of a tile column p·16 + s and the word-th group of the panel is, 0 if it is all zero."""
     p, s = column // TILES, column % TILES
     word += words[p]
@@ -119,12 +123,12 @@ def _local_groups(tiles, changes, weights, sums, begin, end):
                 into = sums.ctypes.data + ((first_group + g) * 3 + c) * _SUM_BYTES
                 for n in range(begins[z], begins[z + 1]):
                     a, b, word = start[n], start[n + 1], c * groups + g
-                    if g + _AHEAD < groups:
-                        soon = _tile_address(addresses, words, first, present, column[n], word + _AHEAD)
+                    if g + AHEAD < groups:
+                        soon = tile_address(addresses, words, first, present, column[n], word + AHEAD)
                         if soon:
                             for i in range(a, b):
                                 prefetch(soon + index[i] * GROUP)
-                    tile = _tile_address(addresses, words, first, present, column[n], word)
+                    tile = tile_address(addresses, words, first, present, column[n], word)
                     if tile == 0:
                         continue
                     where, weight = index.ctypes.data + a * 4, weights.ctypes.data + a * 24 + c * 8
@@ -134,8 +138,8 @@ def _local_groups(tiles, changes, weights, sums, begin, end):
                         _local_one(tile, where, weight, b - a, into)
 
 
-_CHANGES = types.Tuple((i8[::1], i8[::1], i8[::1], i4[::1]))  # begins, column, start, index
-_local_signature = types.void(_TILES, _CHANGES, f8[:, ::1], f8[:, ::1], _SHARES)
+CHANGES = types.Tuple((i8[::1], i8[::1], i8[::1], i4[::1]))  # begins, column, start, index
+_local_signature = types.void(TILE_TABLES, CHANGES, f8[:, ::1], f8[:, ::1], SHARES)
 
 
 @njit([_local_signature], parallel=True, cache=True)
@@ -149,16 +153,16 @@ def relight_local(tiles, changes, weights, sums, shares):
 def _disc_groups(tiles, changes, weights, places, afresh, unit_starts, units, alight, begin, end):
     zones, addresses, words, first, present = tiles
     begins, column, start, index = changes
-    soon = np.zeros((_AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
+    soon = np.zeros((AHEAD, 3, len(column)), np.int64)  # addresses of tiles on their way
     where, weight, unit_at = index.ctypes.data, weights.ctypes.data, units.ctypes.data
     for z in range(len(zones)):
         first_group, groups, channels = zones[z, 0], zones[z, 1], zones[z, 2]
         low, high = max(begin - first_group, 0), min(end - first_group, groups)
-        for ahead in range(low, high + _AHEAD if low < high else low):
-            turn, g = ahead & _AHEAD - 1, first_group + ahead - _AHEAD
+        for ahead in range(low, high + AHEAD if low < high else low):
+            turn, g = ahead & AHEAD - 1, first_group + ahead - AHEAD
             for d in range(len(places)):
                 from_, to, place = begins[d * len(zones) + z], begins[d * len(zones) + z + 1], places[d]
-                if ahead >= low + _AHEAD:
+                if ahead >= low + AHEAD:
                     if afresh[d]:
                         for i in range(unit_starts[g], unit_starts[g + 1]):
                             units[place, i] = 0.0
@@ -177,18 +181,18 @@ def _disc_groups(tiles, changes, weights, places, afresh, unit_starts, units, al
                     for c in range(channels):
                         for n in range(from_, to):
                             word = c * groups + ahead
-                            tile = _tile_address(addresses, words, first, present, column[n], word)
+                            tile = tile_address(addresses, words, first, present, column[n], word)
                             soon[turn, c, n] = tile
                             if tile:
                                 for i in range(start[n], start[n + 1]):
                                     prefetch(tile + index[i] * GROUP)
 
 
-_UNITS = (_read_only(i8, 1), f8[:, ::1], types.boolean[:, ::1])
+UNITS = (_read_only(i8, 1), f8[:, ::1], types.boolean[:, ::1])
 
 
 @njit(
-    [types.void(_TILES, _CHANGES, f8[:, ::1], i8[::1], types.boolean[::1], *_UNITS, _SHARES)],
+    [types.void(TILE_TABLES, CHANGES, f8[:, ::1], i8[::1], types.boolean[::1], *UNITS, SHARES)],
     parallel=True,
     cache=True,
 )
@@ -237,7 +241,7 @@ _DISCS = types.Tuple((i8[::1], f8[:, ::1], _read_only(i4, 1)))
 
 
 @njit(
-    [types.void(_read_only(i4, 1), _read_only(f4, 2), f8[:, ::1], _DISCS, *_UNITS, f4[:, ::1], _SHARES)],
+    [types.void(_read_only(i4, 1), _read_only(f4, 2), f8[:, ::1], _DISCS, *UNITS, f4[:, ::1], SHARES)],
     parallel=True,
     cache=True,
 )

@@ -94,7 +94,7 @@ class TracedLights:
         receivers = self._bake.receivers
         return PlainVisibility(
             PlainOccluders(receivers.positions, self._bake.triangles),
-            origins=receivers.positions[self._plain],
+            origins=self._layer.origins[self._plain],
             normals=receivers.normals[self._plain],
         )
 

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from ..errors import DamagedBakeError, OutputError
 
-DTYPES = {"uint8": "|u1", "uint16": "<u2", "int32": "<i4", "int64": "<i8", "float32": "<f4"}
+DTYPES = {"uint8": "|u1", "int8": "|i1", "uint16": "<u2", "int32": "<i4", "int64": "<i8", "float32": "<f4"}
 CHECKSUM_BYTES = 4
 # A map keeps a second handle of its file where Python cannot be told not to: a bake may have thousands.
 _WITHOUT_HANDLE = {"trackfd": False} if sys.version_info >= (3, 13) else {}
@@ -64,7 +64,7 @@ class ArraySpec(BaseModel):
             "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": self.chunk_shape}},
             "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
             "fill_value": 0,
-            "codecs": [{"name": "bytes"} if self.dtype == "uint8" else little, {"name": "crc32c"}],
+            "codecs": [{"name": "bytes"} if self.dtype in ("uint8", "int8") else little, {"name": "crc32c"}],
             "attributes": {},
         }
         return json.dumps(document, indent=1, sort_keys=True).encode()

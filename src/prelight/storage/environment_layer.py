@@ -11,6 +11,8 @@ MOST_ZONES = 4096 + 16  # by place, and of each sort at least one
 MOST_PARCELS = 10_000
 _MOST_PIXELS = 2048  # a side
 _GROUP, _TILE, _PANEL = 32, 16, 256  # as in encoding.sparse_tiles
+MOST_MODES = 256
+MOST_CELLS = 6 * 256
 _NUMBERS = ("resolution", "tolerance", "epsilon", "samples_per_side", "nonzero_share")
 _LARGEST = 1 << 40
 
@@ -37,7 +39,44 @@ def environment_problem(
         )
     if order.shape[0] % _GROUP:
         return f"array layers/{name}/order is not whole groups of {_GROUP}"
-    return _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
+    problem = _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
+    return problem or _bounced_problem(f"layers/{name}/bounced", said, arrays, groups=order.shape[0] // _GROUP)
+
+
+def _bounced_problem(
+    at: str, said: Mapping[str, Any], arrays: Mapping[str, ArraySpec], *, groups: int
+) -> str | None:
+    """Modes, weights and cells that fit each other, where the layer says that it has bounced light."""
+    bounces = said.get("bounces", 0)  # version 2 knew none
+    if not (bounces == "all" or (type(bounces) is int and 0 <= bounces <= _LARGEST)):
+        return f"{at}: bounces are {bounces!r}, expected all or a whole number"
+    if bounces == 0:
+        return None
+    parts = {"cells": "int32", "modes": "int8", "scales": "float32", "weights": "float32"}
+    for part, dtype in parts.items():
+        if (spec := arrays.get(f"{at}/{part}")) is None or spec.dtype != dtype:
+            return f"array {at}/{part} is not there as {dtype}"
+    cells, modes, scales, weights = (arrays[f"{at}/{part}"].shape for part in parts)
+    count = scales[0]
+    if len(scales) != 1 or count > MOST_MODES or modes != [groups, count, _GROUP]:
+        return f"array {at}/modes is not {_GROUP} bytes for each of {groups} groups and at most {MOST_MODES} modes"
+    if len(cells) != 2 or cells[1] != 5 or cells[0] > MOST_CELLS:
+        return f"array {at}/cells is not five int32 for each of at most {MOST_CELLS} cells"
+    if weights[1:] != [count, cells[0]] or weights[0] not in (1, 3):
+        return f"array {at}/weights does not fit its modes and cells"
+    sources, of_source = (arrays.get(f"{at}/{part}") for part in ("sources", "source_scales"))
+    if sources is None and of_source is None:
+        return None
+    vertices = arrays["scene/positions"].shape[0]
+    if (
+        sources is None
+        or of_source is None
+        or (sources.dtype, of_source.dtype) != ("int8", "float32")
+        or sources.shape != [weights[0], vertices, count]
+        or of_source.shape != [weights[0], count]
+    ):
+        return f"array {at}/sources does not fit its modes and {vertices} vertices"
+    return None
 
 
 def _rows(said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> int | None:

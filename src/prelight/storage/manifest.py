@@ -19,9 +19,11 @@ from ..errors import DamagedBakeError, InputError
 from ..files import read_regular
 from .chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key
 from .environment_layer import environment_problem
+from .steerable_layer import steerable_problem
 
 FORMAT = "prelight-bake"
-VERSION = 2
+VERSION = 3
+READABLE = (2, VERSION)  # what version 2 had not: bounced light
 NAME = "manifest.json"
 _LARGEST_MANIFEST = 16_000_000  # about ten thousand parcels of an environment layer
 _LARGEST_PROSE = 1_000_000
@@ -95,9 +97,9 @@ class Manifest(_Strict):
             raise DamagedBakeError(root, "has no manifest.json: not a bake, or one that was never finished")
         try:
             data = _read_json(path)
-            if data.get("format") != FORMAT or data.get("version") != VERSION:
+            if data.get("format") != FORMAT or data.get("version") not in READABLE:
                 found = f"{data.get('format')!r} version {data.get('version')!r}"
-                raise DamagedBakeError(root, f"is {found}, this Prelight reads {FORMAT!r} version {VERSION}")
+                raise DamagedBakeError(root, f"is {found}, this Prelight reads {FORMAT!r} versions 2 and 3")
             digest = data.pop("sha256", None)
             if digest != _digest(data):
                 raise DamagedBakeError(root, "manifest.json was altered (its own sha256 differs)")
@@ -161,11 +163,12 @@ class Manifest(_Strict):
 
     def _layer_problem(self) -> str | None:
         for name, layer in self.layers.items():
-            if layer.kind != "environment":
-                continue  # of a later version, say; left alone
             said = layer.parameters | layer.statistics
             has_eye = layer.camera is not None
-            problem = environment_problem(
+            check = {"environment": environment_problem, "steerable": steerable_problem}.get(layer.kind)
+            if check is None:
+                continue  # of a later version, say; left alone
+            problem = check(
                 name, said, self.arrays, coefficients=layer.coefficients, has_eye=has_eye
             )
             if problem:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .light import Light
 
 _REST = 0.15  # seconds without a change after which a hand that drags is at rest
-_STOP_PATIENCE = 10.0  # seconds
+_STOP_PATIENCE = 3.0  # seconds
 
 
 @dataclass(frozen=True)

@@ -66,9 +66,9 @@ def bounced(
     report
         Hears of each product with the operator how many there were and what remains.
 
-    What remains is bounded by |r| · λ / (1 − λ): r what one bounce more would add, λ the largest eigenvalue of Gρ, itself
-    bounded by what bounces leave of an even light (Collatz and Wielandt). If surfaces reflect all light and none leaves
-    (λ = 1) there is no solution; ``remaining`` is then infinite.
+    What remains is bounded by |r| · λ / (1 − λ): r what one bounce more would add, λ the largest eigenvalue of Gρ,
+    itself bounded by what bounces leave of an even light (Collatz and Wielandt). If surfaces reflect all light and none
+    leaves (λ = 1) there is no solution; ``remaining`` is then infinite.
 
     Raises InputError for shapes that do not fit, a tolerance that is not positive or less than one bounce.
     """

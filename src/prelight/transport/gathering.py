@@ -12,18 +12,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64, Positions
+from ..arrays import Float32, Int32, Int64, Normals, Positions
 from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
-from .gathering_kernels import count_entries, fill_entries, multiply
+from .gathering_kernels import count_entries, fill_entries
 from .hemisphere import BACK, NOTHING, HemisphereRays
 from .hit_colour import HitColour
+from .sparse_product import LightBlocks
 from .vantage import vantage_points
 
 RAYS = 1024  # a receiver: 0.7 to 1.2 % RMS noise in a bounce
 _RAYS_AT_ONCE = 1 << 22  # of a tile
-_WIDEST = 64  # columns multiplied at a time
 
 Report = Callable[[float], None]
 
@@ -47,7 +47,7 @@ class _Tile:
 
 
 class Gathering:
-    """(Gρ E)_i = mean over cosine-distributed rays from vertex i of albedo × E where they end.
+    """(Gρ E)_i = mean over cosine-distributed rays from receiver i of albedo × E where they end.
 
     E is irradiance / π, without albedo, at vertices; at a hit it is interpolated between the vertices of the
     triangle, and the albedo is that of the place, texture included. All surfaces reflect diffusely, with their base
@@ -57,21 +57,21 @@ class Gathering:
     Attributes
     ----------
     rows, columns
-        The vertices, in the scene's order.
+        How many receivers and vertices; they are the same, in the scene's order, if no others were asked for.
     entries, bytes
         Of the whole operator, kept or not.
     rays, seconds
         Sent, and wall time of tracing them.
     sky
-        ``(V,)`` share of a vertex's rays that meet nothing.
+        ``(rows,)`` share of a receiver's rays that meet nothing.
     backs
-        ``(V,)`` share of a vertex's rays that end on the back of a surface.
+        ``(rows,)`` share of a receiver's rays that end on the back of a surface.
     albedo
         ``(V, 3)`` of the vertices.
     """
 
     def __init__(self, scene: Scene, rays: HemisphereRays, *, memory: int | None) -> None:
-        self.rows = self.columns = len(scene.positions)
+        self.rows, self.columns = rays.receivers, len(scene.positions)
         self.albedo = scene.albedo
         self.sky, self.backs = np.zeros((2, self.rows), np.float32)
         self.entries = self.bytes = self.rays = 0
@@ -80,15 +80,16 @@ class Gathering:
         self._colour, self._rays, self._memory = HitColour(scene), rays, memory
         self._kept: dict[int, _Tile] = {}
         self._rows_at_once = max(1, _RAYS_AT_ONCE // rays.rays)
-        self._sends = scene.normals.any(axis=1)
+        self._sends = rays.sends
 
     @classmethod
-    def trace(  # noqa: PLR0913
+    def trace(  # noqa: PLR0913 - most of them are seldom given
         cls,
         scene: Scene,
         occluders: Occluders,
         *,
         origins: Positions | None = None,
+        normals: Normals | None = None,
         rays: int = RAYS,
         seed: int = 0,
         memory: int | None = None,
@@ -101,10 +102,12 @@ class Gathering:
         scene, occluders
             Its triangles, and the renderer's scene of the same.
         origins
-            ``(V, 3)`` where the rays of vertices begin, before they are lifted from the surface;
-            ``vantage.vantage_points`` if not given.
+            ``(R, 3)`` where rays begin, before they are lifted from the surface; if not given, the
+            ``vantage.vantage_points`` of the vertices.
+        normals
+            ``(R, 3)`` unit length, if the receivers are not the vertices.
         rays
-            From each vertex; a square number.
+            From each receiver; a square number.
         memory
             Bytes the operator may take. Tiles of rows beyond it are traced again in each product, to the same
             bytes. No limit if not given.
@@ -114,11 +117,9 @@ class Gathering:
         Raises InputError for a number of rays that is no square or above 16,384.
         """
         begin = time.perf_counter()
-        if origins is None:
-            origins = vantage_points(scene, occluders)
-        sent = HemisphereRays(
-            occluders, scene, origins=origins, normals=scene.normals, rays=rays, seed=seed
-        )
+        origins = vantage_points(scene, occluders) if origins is None else origins
+        normals = scene.normals if normals is None else normals
+        sent = HemisphereRays(occluders, scene, origins=origins, normals=normals, rays=rays, seed=seed)
         gathering = cls(scene, sent, memory=memory)
         for first in range(0, gathering.rows, gathering._rows_at_once):
             tile = gathering._trace(first, count=True)
@@ -151,46 +152,38 @@ class Gathering:
         )
         return _Tile(first, starts, columns, values)
 
-    def _tiles(self) -> Iterator[_Tile]:
+    def tiles(self) -> Iterator[_Tile]:
+        """The operator, some rows after the other: kept, or traced again."""
         for first in range(0, self.rows, self._rows_at_once):
             yield self._kept.get(first) or self._trace(first)
 
     def bounce(
         self, B: Float32[np.ndarray, "vertices columns channels"]
-    ) -> Float32[np.ndarray, "vertices columns channels"]:
-        """Gρ B: irradiance / π (V, K, C) that arrives by one bounce of B, irradiance / π before albedo.
+    ) -> Float32[np.ndarray, "rows columns channels"]:
+        """Gρ B: irradiance / π (rows, K, C) that arrives by one bounce of B (V, K, C), irradiance / π before albedo.
 
         C is 3, or 1 where every albedo is grey.
         """
         V, K, C = B.shape
-        if V != self.columns or C not in (1, 3):
+        if B.ndim != 3 or self.columns != V or C not in (1, 3):
             raise InputError("light", f"is {B.shape}, expected ({self.columns}, columns, 1 or 3)")
         if C == 1 and not self.is_grey:
             raise InputError("light", "has one channel, but the scene has colours; give three")
-        out = np.empty((V, K, C), np.float32)
-        for part, channels in self._parts(K, C):
-            light = B[:, part, channels].astype(np.float32).reshape(V, -1)
-            if self._colour.channels == 0:
-                light = self._times_albedo(light, channels, C)
-            values = channels.start if self._colour.channels == 3 else 0
-            light = np.ascontiguousarray(light)
-            arriving = np.empty_like(light)
-            for tile in self._tiles():
-                multiply(tile.starts, tile.columns, tile.values[values], light, arriving[tile.rows])
-            out[:, part, channels] = arriving.reshape(V, -1, channels.stop - channels.start)
-        return out
+        albedo_in_entries = self._colour.channels
+        by_channel = albedo_in_entries == 3  # then each has entries of its own
+        light = B if albedo_in_entries else B * self.albedo[:, None, :C]
+        light = np.moveaxis(light, 2, 0) if by_channel else light.reshape(1, V, K * C)
+        blocks = [LightBlocks(part) for part in light]
+        out = np.empty((len(light), self.rows, light.shape[2]), np.float32)
+        for tile in self.tiles():
+            for c, part in enumerate(blocks):
+                part.multiplied(tile.starts, tile.columns, tile.values[c], out[c, tile.rows])
+        return np.ascontiguousarray(np.moveaxis(out, 0, 2)) if by_channel else out.reshape(self.rows, K, C)
 
-    def _parts(self, K: int, C: int) -> Iterator[tuple[slice, slice]]:
-        """Columns and channels that are multiplied together; those of one channel where values are coloured."""
-        together = 1 if self._colour.channels == 3 else C
-        step = max(1, _WIDEST // together)
-        for c in range(0, C, together):
-            for k in range(0, K, step):
-                yield slice(k, min(K, k + step)), slice(c, c + together)
-
-    def _times_albedo(self, light: np.ndarray, channels: slice, C: int) -> np.ndarray:
-        albedo = self.albedo[:, channels]
-        return (light.reshape(len(light), -1, albedo.shape[1]) * albedo[:, None]).reshape(len(light), -1)
+    @property
+    def coloured_entries(self) -> int:
+        """Channels of the albedo that is in the entries, 1 or 3; 0 where that of the vertices is to be multiplied."""
+        return self._colour.channels
 
     @property
     def is_grey(self) -> bool:

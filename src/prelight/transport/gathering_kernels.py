@@ -1,7 +1,6 @@
-"""Rows of the gathering operator: hits become entries, and entries are multiplied with light.
+"""Rows of the gathering operator: where rays end becomes entries of a sparse matrix.
 
-A row is made and multiplied by one thread, in the order of its rays and of its entries: the same bytes for any
-number of threads.
+A row is made by one thread in the order of its rays: the same bytes for any number of threads.
 """
 
 from __future__ import annotations
@@ -13,10 +12,8 @@ from numba.extending import intrinsic
 
 _ROWS = 64  # a task
 
-_i4_1 = types.Array(types.int32, 1, "C", readonly=True)
 _i4_2 = types.Array(types.int32, 2, "C", readonly=True)
 _i8_1 = types.Array(types.int64, 1, "C", readonly=True)
-_f4_1 = types.Array(types.float32, 1, "C", readonly=True)
 _f4_2 = types.Array(types.float32, 2, "C", readonly=True)
 _f4_3 = types.Array(types.float32, 3, "C", readonly=True)
 
@@ -126,36 +123,3 @@ def fill_entries(triangles, hit, u, v, colours, starts, columns, values, vertice
     for block in prange((len(hit) + _ROWS - 1) // _ROWS):
         rows = (block * _ROWS, min(len(hit), (block + 1) * _ROWS))
         _fill_rows(triangles, hit, u, v, colours, rows, starts, columns, values, vertices)
-
-
-@njit(cache=True)
-def _multiply_row(columns, values, B, out):
-    n, width = len(columns), len(out)
-    out[:] = 0
-    for e in range(0, n - 3, 4):
-        v0, v1, v2, v3 = values[e], values[e + 1], values[e + 2], values[e + 3]
-        b0, b1, b2, b3 = B[columns[e]], B[columns[e + 1]], B[columns[e + 2]], B[columns[e + 3]]
-        for j in range(width):
-            out[j] += (v0 * b0[j] + v1 * b1[j]) + (v2 * b2[j] + v3 * b3[j])
-    for e in range(n - n % 4, n):
-        b = B[columns[e]]
-        for j in range(width):
-            out[j] += values[e] * b[j]
-
-
-@njit(cache=True)
-def _multiply_rows(starts, columns, values, B, out, first, last):
-    for row in range(first, last):
-        entries = slice(starts[row], starts[row + 1])
-        _multiply_row(columns[entries], values[entries], B, out[row])
-
-
-@njit(
-    [types.void(_i8_1, _i4_1, _f4_1, _f4_2, types.float32[:, ::1])],
-    parallel=True,
-    cache=True,
-)
-def multiply(starts, columns, values, B, out):
-    """out (rows, n) = rows of a sparse matrix times B (columns, n), written."""
-    for block in prange((len(out) + _ROWS - 1) // _ROWS):
-        _multiply_rows(starts, columns, values, B, out, block * _ROWS, min(len(out), (block + 1) * _ROWS))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange, types
 
 from ..arrays import Float32
 from ..images.tonemap import srgb_decode
 from ..scene.geometry import Scene
 from .hemisphere import Hits
+from .hit_colour_kernels import colour_hits
 
 _LINEAR = srgb_decode(np.arange(256, dtype=np.uint8)).astype(np.float32)  # of a texture's bytes
 
@@ -26,7 +26,7 @@ class HitColour:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self._triangles = scene.triangles
+        self._triangles = np.ascontiguousarray(scene.triangles)
         pictured = [k for k, m in enumerate(scene.materials) if m.colour_texture is not None]
         used = np.intersect1d(np.unique(scene.material_of), pictured)
         if scene.uv is None or len(used) == 0:
@@ -50,7 +50,7 @@ class HitColour:
         out = np.zeros((*hits.triangle.shape, self.channels), np.float32)
         if self.channels:
             surface = (self._triangles, self._material_of, self._uv, self._tint)
-            _colour_hits(hits.triangle, hits.u, hits.v, *surface, self._texels, self._place, _LINEAR, out)
+            colour_hits(hits.triangle, hits.u, hits.v, *surface, self._texels, self._place, _LINEAR, out)
         return out
 
 
@@ -65,61 +65,3 @@ def _packed(textures: list[np.ndarray]) -> tuple[np.ndarray, list[tuple[int, int
         places.append((start, *texture.shape[:2]))
         start += texture.shape[0] * texture.shape[1]
     return np.concatenate([np.ascontiguousarray(t).reshape(-1, 3) for t in textures]), places
-
-
-_i4_1 = types.Array(types.int32, 1, "C", readonly=True)
-_i4_2 = types.Array(types.int32, 2, "C", readonly=True)
-_i8_2 = types.Array(types.int64, 2, "C", readonly=True)
-_f4_1 = types.Array(types.float32, 1, "C", readonly=True)
-_f4_2 = types.Array(types.float32, 2, "C", readonly=True)
-_u1_2 = types.Array(types.uint8, 2, "C", readonly=True)
-
-
-@njit(cache=True)
-def _lookup(texels, place, table, x, y, channel):
-    """Bilinear, repeating; as ``images.textures.sample``, but of linear light."""
-    start, height, width = place[0], place[1], place[2]
-    x, y = (x - np.floor(x)) * width - 0.5, (y - np.floor(y)) * height - 0.5
-    left, top = np.int64(np.floor(x)), np.int64(np.floor(y))
-    fx, fy = x - left, y - top
-    total = 0.0
-    for j in range(2):
-        row = start + ((top + j) % height) * width
-        across = table[texels[row + left % width, channel]] * (1 - fx)
-        across += table[texels[row + (left + 1) % width, channel]] * fx
-        total += across * (fy if j else 1 - fy)
-    return np.float32(total)
-
-
-@njit(cache=True)
-def _colour_row(hit, u, v, triangles, material_of, uv, tint, texels, place, table, out):
-    for k in range(len(hit)):
-        t = hit[k]
-        if t < 0:
-            continue
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        w = np.float32(1) - u[k] - v[k]
-        here = place[material_of[t]]
-        x = np.float64(w * uv[a, 0] + u[k] * uv[b, 0] + v[k] * uv[c, 0])
-        y = np.float64(w * uv[a, 1] + u[k] * uv[b, 1] + v[k] * uv[c, 1])
-        for channel in range(out.shape[1]):
-            colour = w * tint[a, channel] + u[k] * tint[b, channel] + v[k] * tint[c, channel]
-            if here[0] >= 0:
-                colour *= _lookup(texels, here, table, x, y, channel)
-            out[k, channel] = colour
-
-
-@njit(
-    [
-        types.void(
-            _i4_2, _f4_2, _f4_2, _i4_2, _i4_1, _f4_2, _f4_2, _u1_2, _i8_2, _f4_1, types.float32[:, :, ::1]
-        )
-    ],
-    parallel=True,
-    cache=True,
-)
-def _colour_hits(hit, u, v, triangles, material_of, uv, tint, texels, place, table, out):
-    for row in prange(len(hit)):
-        _colour_row(
-            hit[row], u[row], v[row], triangles, material_of, uv, tint, texels, place, table, out[row]
-        )

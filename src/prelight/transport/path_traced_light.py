@@ -8,24 +8,23 @@ finds shining is direct light (weighted with the other, balance heuristic), what
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..arrays import CubeMap, Float64, Int32, Positions
 from ..errors import InputError
+from ..material import Material
 from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..scene.variant import mitsuba
 from .cube_emitter import cube_emitter
 from .lamps import SphereLamps
-from .path_tracing import just_inside
+from .path_tracing import DEEPEST, ROULETTE_FROM, just_inside
 
 _LANES = 1 << 21
-_DEEPEST = 1024  # bounces; Russian roulette ends nearly all paths long before
-_ROULETTE_FROM = 12
 
 Values = Float64[np.ndarray, "chosen 3"]
 Report = Callable[[float], None]
@@ -44,6 +43,18 @@ class LightWithVariance:
     @property
     def total(self) -> Values:
         return self.direct + self.indirect
+
+
+def as_diffuse(scene: Scene) -> Scene:
+    """The scene as bounced light is baked: every surface Lambertian with its base colour, what emits still does."""
+    plain = tuple(
+        Material(
+            material.name, material.colour, material.colour_texture,
+            emission=material.emission, emission_texture=material.emission_texture,
+        )
+        for material in scene.materials
+    )  # fmt: skip
+    return replace(scene, materials=plain)
 
 
 class LitScene:
@@ -78,7 +89,7 @@ class LitScene:
     ) -> None:
         self.scene, self.mi = scene, mitsuba()
         surfaces = surfaces or SurfaceScene(scene, emits=emission)
-        lights = [] if lamps is None else _lamps(self.mi, lamps)
+        lights = [] if lamps is None else lamps_of_mitsuba(self.mi, lamps)
         if sky is not None:
             lights.append(cube_emitter(self.mi, sky))
         self._lit = surfaces.lit_by(*lights)
@@ -110,8 +121,8 @@ class LitScene:
         else:
             stand = origins[receivers]
         stand = stand + ray_offset(scene.positions) * normals
-        depth = _DEEPEST if bounces is None else bounces + 1  # as ``path`` counts from what a receiver sees
-        integrator = self.mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": _ROULETTE_FROM})
+        depth = DEEPEST if bounces is None else bounces + 1  # as ``path`` counts from what a receiver sees
+        integrator = self.mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": ROULETTE_FROM})
         parts, step = [], max(1, _LANES // samples)
         for start in range(0, len(receivers), step):
             part = slice(start, min(start + step, len(receivers)))
@@ -177,7 +188,7 @@ def _moments(direct: np.ndarray, indirect: np.ndarray) -> tuple[np.ndarray, ...]
     return (*out, both.var(axis=2, ddof=1).T / both.shape[2])
 
 
-def _lamps(mi: Any, lamps: SphereLamps) -> list[Any]:
+def lamps_of_mitsuba(mi: Any, lamps: SphereLamps) -> list[Any]:
     """Mitsuba's points and spheres."""
     out = []
     for centre, radius, power in zip(lamps.centres, lamps.radii, lamps.power, strict=True):

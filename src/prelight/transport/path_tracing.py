@@ -17,6 +17,8 @@ from .eye import SeenPoints
 
 _LANES = 1 << 22
 _INSIDE = 1e-3  # of the way to a triangle's centre: a ray at a vertex could slip between two
+DEEPEST = 1024  # bounces; Russian roulette ends nearly all paths long before
+ROULETTE_FROM = 12
 _LIFTS = 1  # offsets above the surface where a ray at a vertex begins: as in a bake
 
 MeanAndVariance = tuple[Float64[np.ndarray, "chosen 3"], Float64[np.ndarray, "chosen 3"]]
@@ -57,11 +59,14 @@ def path_traced_view(
     *,
     cube: CubeMap,
     receivers: Int32[np.ndarray, "chosen"] | None = None,
+    bounces: int | None = 0,
     samples: int = 1024,
     seed: int = 0,
     report: Report | None = None,
 ) -> MeanAndVariance:
-    """Direct radiance toward the eye and the variance of that mean, by plugin ``path`` with the scene's BSDFs.
+    """Radiance toward the eye and the variance of that mean, by plugin ``path`` with the scene's BSDFs.
+
+    Direct light, and what arrives by so many ``bounces`` (None: all of them).
 
     The ``samples`` of a receiver (at least two a point) are shared by its points: those of a pixel are looked at
     from the eye, a vertex from close by. As in a bake a vertex that faces away from the eye is dark, if it is
@@ -73,7 +78,8 @@ def path_traced_view(
     rays = look(surfaces, triangle.ravel(), weights.reshape(-1, 2), points.eye)
     scene = surfaces.lit_by(cube_emitter(surfaces.mi, cube))
     each = max(2, samples // points.samples)
-    values = _paths(scene, rays, samples=each, seed=seed, report=report)
+    depth = DEEPEST if bounces is None else 2 + bounces
+    values = _paths(scene, rays, depth=depth, samples=each, seed=seed, report=report)
     return _mean_and_variance(values, points=points.samples)
 
 
@@ -99,13 +105,15 @@ def _looks_at_vertices(surfaces: SurfaceScene, triangle: np.ndarray, weights: np
 
 
 def _paths(
-    scene: Any, rays: tuple, *, samples: int, seed: int, report: Report | None
+    scene: Any, rays: tuple, *, samples: int, seed: int, report: Report | None, depth: int = 2
 ) -> Iterator[np.ndarray]:
     """Radiance (3, rays, samples) of some rays after the other; 0 where a ray is not ``there``."""
     mi = mitsuba()
     import drjit as dr
 
-    integrator = mi.load_dict({"type": "path", "max_depth": 2, "rr_depth": 64, "hide_emitters": True})
+    integrator = mi.load_dict(
+        {"type": "path", "max_depth": depth, "rr_depth": ROULETTE_FROM, "hide_emitters": True}
+    )
     sampler = mi.load_dict({"type": "independent"})
     origins, directions, there = rays
     step = max(1, _LANES // samples)

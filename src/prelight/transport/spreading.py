@@ -63,3 +63,21 @@ def spread(starts, columns, values, X, out):
         _spread_strip(
             starts, columns, values, X, out, strip * _STRIP, min(n, (strip + 1) * _STRIP)
         )
+
+
+@njit(cache=True)
+def _collect_rows(starts, columns, values, B, out, first, last):
+    for row in range(first, last):
+        into = out[row]
+        into[:] = 0
+        for e in range(starts[row], starts[row + 1]):
+            value, b = values[e], B[columns[e]]
+            for j in range(len(into)):
+                into[j] += value * b[j]
+
+
+@njit([types.void(_i8_1, _i4_1, _f4_1, _f4_2, types.float32[:, ::1])], parallel=True, cache=True)
+def collect(starts, columns, values, B, out):
+    """out (rows, n) = rows of a sparse matrix times B (columns, n), written."""
+    for part in prange((len(out) + _STRIP - 1) // _STRIP):
+        _collect_rows(starts, columns, values, B, out, part * _STRIP, min(len(out), (part + 1) * _STRIP))

@@ -18,10 +18,10 @@ from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from .eye import SeenPoints
-from .gathering_kernels import count_entries, fill_entries, multiply
+from .gathering_kernels import count_entries, fill_entries
 from .hemisphere import BACK, NOTHING, Hits, lit_sides
 from .hit_colour import HitColour
-from .spreading import spread
+from .spreading import collect, spread
 
 _RAYS_AT_ONCE = 1 << 20
 _STAGE = 23  # keeps these random numbers apart from those of other stages
@@ -72,7 +72,7 @@ class ViewedGathering:
         out = np.empty((3, len(self._receivers), E.shape[1]), np.float32)
         for rows, starts, columns, values in self._tiles():
             for c in range(3):
-                multiply(starts, columns, values[c], light[c], out[c, rows])
+                collect(starts, columns, values[c], light[c], out[c, rows])
         return np.moveaxis(out, 0, 2)
 
     def spread(self, X: Float32[np.ndarray, "rows columns"]) -> Float32[np.ndarray, "vertices columns 3"]:
@@ -148,8 +148,8 @@ class ViewedGathering:
 
         mi = self._mi
         keys = [dr.opaque(mi.UInt32, int(key)) for key in self._key]
-        a, b = mi.sample_tea_32(number ^ keys[0], ray ^ keys[1], 4)
-        lobe, _ = mi.sample_tea_32(number ^ keys[1], ray ^ keys[0], 4)
+        a, b = mi.sample_tea_32(number ^ keys[0], ray ^ keys[1], 8)
+        lobe, _ = mi.sample_tea_32(number ^ keys[1], ray ^ keys[0], 8)
         side, width = dr.opaque(mi.UInt32, self._side), dr.opaque(mi.Float, 1 / self._side)
         row = ray // side
         x = (mi.Float(ray - row * side) + mi.Float(a >> 8) * _HALF_FLOAT) * width

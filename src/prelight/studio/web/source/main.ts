@@ -121,6 +121,7 @@ class Page {
       this.sky.offer(welcome.environments);
       this.offerCameras(welcome);
     }
+    document.documentElement.classList.toggle("picture", welcome.pixels !== null);
     this.welcome = welcome;
     this.rig.receive(welcome.state);
     if (isSame) return;
@@ -157,12 +158,12 @@ class Page {
       mark(i);
     };
     eyes.replaceChildren(...buttons);
-    eyes.hidden = cameras.length === 0;
+    eyes.hidden = cameras.length === 0 || pixels !== null; // a picture has its own
     if (pixels === null) this.stage.canvas.addEventListener("moved", () => mark(-1));
   }
 
   private turn(degrees: number): void {
-    this.rig.change({ rotation_deg: wrapped(this.rig.look.rotation_deg + degrees) });
+    this.rig.change({ rotation_deg: wrapped(this.rig.look.rotation_deg + degrees) }, { dragging: true });
   }
 
   private hide(): void {

@@ -144,6 +144,6 @@ export class Dome {
     if (way === undefined && event.key !== "Home") return;
     event.preventDefault();
     const step = event.shiftKey ? LARGE_STEP : STEP;
-    this.turn(way === undefined ? 0 : wrapped((this.look?.rotation_deg ?? 0) + way * step), false);
+    this.turn(way === undefined ? 0 : wrapped((this.look?.rotation_deg ?? 0) + way * step), true);
   }
 }

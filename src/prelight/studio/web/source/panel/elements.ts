@@ -53,8 +53,13 @@ export function slider(range: Range): { row: HTMLElement; show: (value: number) 
     tell(input.valueAsNumber);
     range.set(input.valueAsNumber, dragging);
   };
+  let held = false; // by a pointer; the steps of keys are many, and the studio knows when they have come to rest
+  input.addEventListener("pointerdown", () => (held = true));
   input.addEventListener("input", () => set(true));
-  input.addEventListener("change", () => set(false));
+  input.addEventListener("change", () => {
+    set(!held);
+    held = false;
+  });
   const show = (value: number) => {
     input.value = String(value);
     tell(value);

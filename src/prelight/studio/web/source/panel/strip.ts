@@ -122,7 +122,7 @@ export class Strip {
     event.preventDefault();
     const step = event.shiftKey ? LARGE_STEP : STEP;
     const elevation_deg = Math.min(90, Math.max(-90, disc.elevation_deg + step * way[1]));
-    this.events.move({ ...disc, azimuth_deg: wrapped(disc.azimuth_deg + step * way[0]), elevation_deg }, false);
+    this.events.move({ ...disc, azimuth_deg: wrapped(disc.azimuth_deg + step * way[0]), elevation_deg }, true);
   }
 
   private place(event: MouseEvent): { azimuth: number; elevation: number } {

@@ -9,6 +9,14 @@ const NARROWEST = 16 / 10; // below it the field of view is widened, so that the
 const KEY_TURN = Math.PI / 36;
 const KEY_ZOOM = 0.88;
 
+/** Of a canvas; strips at its right and its bottom are behind the panel. */
+export interface Size {
+  width: number;
+  height: number;
+  right: number;
+  bottom: number;
+}
+
 interface Pose {
   position: Vector3;
   target: Vector3;
@@ -22,7 +30,7 @@ export class Eye {
   private controls: OrbitControls;
   private pose: Pose = { position: new Vector3(0, 0, 1), target: new Vector3(), fov: 35 };
   private flight: { from: Pose; to: Pose; began: number } | null = null;
-  private size = { width: 1, height: 1, right: 0, bottom: 0 };
+  private size: Size = { width: 1, height: 1, right: 0, bottom: 0 };
   private sphere = { centre: new Vector3(), radius: 1 };
 
   constructor(
@@ -64,8 +72,8 @@ export class Eye {
     this.changed();
   }
 
-  /** Of the canvas, strips at the right and the bottom are behind the panel: the picture's middle is the free part's. */
-  resize(size: { width: number; height: number; right: number; bottom: number }): void {
+  /** The picture's middle is that of what the panel leaves free. */
+  resize(size: Size): void {
     this.size = size;
     this.project();
   }

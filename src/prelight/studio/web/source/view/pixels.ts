@@ -12,20 +12,21 @@ import {
   UnsignedByteType,
 } from "three";
 import { DISPLAY_GLSL, type Display } from "./display";
+import type { Size } from "./eye";
 import { SKY_GLSL, type SkyUniforms, radianceTexture } from "./sky";
 
 const VERTEX = `
 precision highp float;
 in vec3 position;
 out vec2 place;
-uniform vec2 size;      // of the picture, in halves of the screen
+uniform vec4 frame;     // of the picture on the screen: middle, half of its size
 uniform mat4 toWorld;
 uniform vec2 slope;     // of the rays through the picture's right and upper edges
 out vec3 direction;
 void main() {
   place = vec2(0.5 + 0.5 * position.x, 0.5 - 0.5 * position.y);
   direction = mat3(toWorld) * vec3(position.xy * slope, -1.0);
-  gl_Position = vec4(position.xy * size, 0.0, 1.0);
+  gl_Position = vec4(frame.xy + position.xy * frame.zw, 0.0, 1.0);
 }
 `;
 
@@ -51,7 +52,7 @@ void main() {
 export class PixelPicture {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
   private readonly texture: DataTexture;
-  private readonly size = { value: [1, 1] };
+  private readonly frame = { value: [0, 0, 1, 1] };
 
   constructor(
     private readonly shape: readonly [number, number],
@@ -70,7 +71,7 @@ export class PixelPicture {
     geometry.setIndex([0, 1, 2, 2, 1, 3]);
     const slope = { value: [1, 1] };
     const toWorld = { value: null as unknown };
-    const uniforms = { picture: { value: this.texture }, coverage: { value: covered }, size: this.size, slope, toWorld };
+    const uniforms = { picture: { value: this.texture }, coverage: { value: covered }, frame: this.frame, slope, toWorld };
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
       uniforms: { ...display, ...sky, ...uniforms },
@@ -95,9 +96,10 @@ export class PixelPicture {
     this.texture.needsUpdate = true;
   }
 
-  /** Fit into a screen of this width and height, `free` of it not behind the panel. */
-  fit(width: number, height: number): void {
-    const aspect = this.shape[0] / this.shape[1] / (width / height);
-    this.size.value = aspect > 1 ? [1, 1 / aspect] : [aspect, 1];
+  /** Fit into what the panel leaves free of a canvas: all but strips at the right and the bottom. */
+  fit({ width, height, right, bottom }: Size): void {
+    const aspect = this.shape[0] / this.shape[1];
+    const tall = Math.min(height - bottom, (width - right) / aspect);
+    this.frame.value = [-right / width, bottom / height, (tall * aspect) / width, tall / height];
   }
 }

@@ -37,10 +37,10 @@ export class Stage {
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", "The scene. Arrow keys go around it, plus and minus come nearer and go away.");
     host.append(this.canvas);
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, powerPreference: "high-performance" });
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shaders encode
     this.renderer.toneMapping = NoToneMapping;
-    this.renderer.autoClear = true;
+    this.renderer.setClearAlpha(0); // beside a picture of pixels, the page
     this.eye = new Eye(this.canvas, () => this.invalidate());
     new ResizeObserver(() => this.resize()).observe(host);
     this.canvas.addEventListener("textured", () => this.invalidate());
@@ -172,9 +172,9 @@ export class Stage {
     if (width === 0 || height === 0) return;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, SHARPEST));
     this.renderer.setSize(width, height, false);
-    const isPicture = this.shown instanceof PixelPicture;
-    if (this.shown instanceof PixelPicture) this.shown.fit(width, height);
-    this.eye.resize({ width, height, ...(isPicture ? { right: 0, bottom: 0 } : this.covered) });
+    const size = { width, height, ...this.covered };
+    if (this.shown instanceof PixelPicture) this.shown.fit(size);
+    this.eye.resize(size);
     this.invalidate();
   }
 

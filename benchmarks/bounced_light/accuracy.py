@@ -1,0 +1,220 @@
+"""All bounces of a scene's light against the path tracer, at receivers chosen by area."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import lit_scenes
+import numpy as np
+
+from prelight.checking.comparison import compare
+from prelight.drawing.figures import difference_picture, panels, readable_factor, save_figure
+from prelight.drawing.surface import Surface
+from prelight.drawing.view import View
+from prelight.rays.mitsuba import Occluders
+from prelight.rays.surfaces import SurfaceScene
+from prelight.transport import path_traced_light
+from prelight.transport.bounces import bounced
+from prelight.transport.gathering import Gathering
+from prelight.transport.mesh_fitness import mesh_fitness
+from prelight.transport.vantage import vantage_points
+
+RECEIVERS = 1000
+MEMORY = 6_000_000_000
+PATHS = {"direct": 65536, "indirect": 16384}  # of each receiver
+
+
+class Baked:
+    """E of a scene by the gathering operator, and what it cost."""
+
+    def __init__(self, lit: lit_scenes.LitScene, *, rays: int = 1024) -> None:
+        scene, started = lit.scene, time.perf_counter()
+        self.occluders = Occluders(scene.positions, scene.triangles)
+        self.stand = vantage_points(scene, self.occluders)
+        self.gathering = Gathering.trace(scene, self.occluders, origins=self.stand, rays=rays, memory=MEMORY)
+        traced = time.perf_counter()
+        self.direct = lit.direct(self.occluders, self.stand)
+        lit_by = time.perf_counter()
+        found = bounced(self.gathering, self.direct)
+        done = time.perf_counter()
+        self.indirect = found.indirect
+        self.figures = {
+            "vertices": len(scene.positions), "triangles": len(scene.triangles), "rays": self.gathering.rays,
+            "entries": self.gathering.entries, "operator_bytes": self.gathering.bytes,
+            "products": found.bounces, "remaining": found.remaining,
+            "seconds": {"operator": traced - started, "direct": lit_by - traced, "bounces": done - lit_by},
+        }  # fmt: skip
+
+
+def areas(scene: Any) -> np.ndarray:
+    """A third of the triangles around each vertex, square metres."""
+    a, b, c = (scene.positions[scene.triangles[:, k]].astype(np.float64) for k in range(3))
+    of_triangle = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
+    out = np.zeros(len(scene.positions))
+    for k in range(3):
+        np.add.at(out, scene.triangles[:, k], of_triangle)
+    return out
+
+
+def against_path_tracer(lit: lit_scenes.LitScene, work: Path, name: str) -> dict[str, Any]:
+    """One scene: the mesh's criterion first, then the bake, then the reference at receivers by area."""
+    scene = lit.scene
+    baked = Baked(lit)
+    fit = mesh_fitness(scene, baked.gathering, baked.direct, baked.indirect)
+    area = areas(scene) * scene.normals.any(axis=1)
+    rows = np.sort(
+        np.random.default_rng(12).choice(len(area), RECEIVERS, replace=False, p=area / area.sum())
+    ).astype(np.int32)
+    reference = _reference(lit, rows, baked.stand, work / f"{name}.npz")
+    judged = fit.fit[rows]
+    figures: dict[str, Any] = {
+        "lit_by": lit.said,
+        "bake": baked.figures,
+        "area_judged": float(area[fit.fit].sum() / area.sum()),
+        "reference": {"paths": PATHS, "seconds": reference["seconds"]},
+    }
+    for part, chosen in (("judged", judged), ("left_out", ~judged)):
+        figures[part] = {"receivers": int(chosen.sum())}
+        if not chosen.any():
+            continue
+        for what in ("direct", "indirect", "total"):
+            mine = {"direct": baked.direct, "indirect": baked.indirect}
+            ours = sum(mine.values()) if what == "total" else mine[what]
+            figures[part][what] = _figures(ours[rows[chosen], 0], *(x[chosen] for x in reference[what]))
+    _picture(lit, baked, _pictures() / f"{name}.png")
+    return figures
+
+
+def _figures(ours: np.ndarray, reference: np.ndarray, variance: np.ndarray) -> dict[str, float]:
+    found = compare(ours, reference, variance, tolerance=0.05 * float(np.abs(reference).mean()))
+    return {
+        "mean_difference": found.mean_difference,
+        "of_which_noise": float(np.sqrt(2 / np.pi) * np.sqrt(variance).sum() / np.abs(reference).sum()),
+        "signed_mean": found.signed_mean,
+        "detectable_bias": found.detectable_bias,
+        "relative_rms": found.relative_rms,
+        "z_rejected_share": found.z_rejected_share,
+        "mean_reference": float(reference.mean()),
+    }
+
+
+def _reference(lit: lit_scenes.LitScene, rows: np.ndarray, stand: np.ndarray, kept: Path) -> dict[str, Any]:
+    """Means and variances of direct, indirect and total; kept, because it takes minutes."""
+    names = ("direct", "indirect")
+    if kept.exists():
+        with np.load(kept) as file:
+            if np.array_equal(file["rows"], rows) and np.array_equal(file["stand"], stand[rows]):
+                found = {n: (file[n], file[n + "_variance"]) for n in names}
+                return _with_total(found, float(file["seconds"]))
+    started = time.perf_counter()
+    lamp = path_traced_light.LitScene(lit.scene, **lit.lights)
+    once = lamp.light(rows, origins=stand, bounces=0, samples=PATHS["direct"], report=_say("direct"))
+    every = lamp.light(rows, origins=stand, samples=PATHS["indirect"], seed=1, report=_say("indirect"))
+    seconds = time.perf_counter() - started
+    found = {"direct": (once.direct, once.direct_variance), "indirect": (every.indirect, every.indirect_variance)}
+    flat = {n: found[n][0] for n in names} | {n + "_variance": found[n][1] for n in names}
+    np.savez(kept, rows=rows, stand=stand[rows], seconds=seconds, **flat)
+    return _with_total(found, seconds)
+
+
+def _with_total(found: dict[str, Any], seconds: float) -> dict[str, Any]:
+    (direct, its), (indirect, other) = found["direct"], found["indirect"]
+    return found | {"total": (direct + indirect, its + other), "seconds": seconds}
+
+
+def _say(what: str):
+    def report(share: float) -> None:
+        print(f"\r{what} reference {share:.0%}", end="" if share < 1 else "\n", flush=True)
+
+    return report
+
+
+def _pictures() -> Path:
+    folder = Path(__file__).parent / "results" / "pictures"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+CAMERAS = {
+    "cornell-lamp": ((0.0, 1.0, 3.6), (0.0, 0.98, 0.0), 40.0),
+    "cornell-sky": ((0.0, 1.0, 3.6), (0.0, 0.98, 0.0), 40.0),
+    "cornell-spheres": ((0.0, 0.8, 3.3), (0.0, 0.79, 0.0), 38.0),
+    "room": ((0.35, 1.35, 1.9), (-0.25, 0.85, -1.6), 62.0),
+    "sponza": ((-9.5, 3.2, -0.6), (6.0, 4.2, 0.4), 62.0),
+    "sibenik": ((-15.5, -11.0, 0.0), (4.0, -8.5, 0.0), 66.0),
+}
+WIDTH, HEIGHT, PIXEL_PATHS = 400, 300, 256
+
+
+def _picture(lit: lit_scenes.LitScene, baked: Baked, path: Path) -> None:
+    """The bake, the same camera path traced, and their difference."""
+    from prelight.camera import Camera
+
+    scene = lit.scene
+    eye, target, fov = CAMERAS[path.stem]
+    camera = Camera(eye=eye, target=target, vertical_fov_deg=fov)
+    E = (baked.direct + baked.indirect)[:, 0]
+    emission = np.array([m.emission for m in scene.materials], np.float32)[scene.material_of_vertex]
+    surface = None
+    if scene.textures and scene.uv is not None:
+        tint = scene.albedo if scene.tint is None else scene.tint
+        surface = Surface(scene.material_of, scene.materials, uv=scene.uv, tint=tint, textures=scene.textures)
+    view = View(scene.positions, scene.triangles, camera=camera, width=WIDTH, height=HEIGHT, surface=surface)
+    ours = view.draw(E * scene.albedo + emission, irradiance=E)
+    theirs = _path_traced(lit, camera)
+    covered = view.coverage[..., None] > 0.999
+    theirs = np.where(covered, theirs, ours.linear)
+    white = float(np.percentile(theirs, 98.5))
+    factor = min(readable_factor(white, ours.linear, theirs), 20.0)
+    shown = [_bytes(image / white) for image in (ours.linear, theirs)]
+    difference = difference_picture(ours.linear, theirs, factor=factor, white=white)
+    captions = ["gathered from vertices", f"path tracer, {PIXEL_PATHS} paths a pixel", "difference"]
+    save_figure(panels([*shown, difference], captions), path, force=True)
+
+
+def _bytes(linear: np.ndarray) -> np.ndarray:
+    from prelight.images.tonemap import srgb_encode
+
+    return np.rint(255 * np.clip(srgb_encode(np.clip(linear, 0, 1)), 0, 1)).astype(np.uint8)
+
+
+def _path_traced(lit: lit_scenes.LitScene, camera: Any) -> np.ndarray:
+    from prelight.transport.cube_emitter import cube_emitter
+
+    surfaces = SurfaceScene(lit.scene, emits="emission" in lit.lights)
+    mi = surfaces.mi
+    lights = []
+    if "sky" in lit.lights:
+        lights = [cube_emitter(mi, lit.lights["sky"])]
+    elif "lamps" in lit.lights:
+        lights = path_traced_light.lamps_of_mitsuba(mi, lit.lights["lamps"])
+    look = mi.ScalarTransform4f().look_at(origin=list(camera.eye), target=list(camera.target), up=[0, 1, 0])
+    film = {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "pixel_format": "rgb", "rfilter": {"type": "tent"}}
+    sensor = mi.load_dict({
+        "type": "perspective", "fov": camera.vertical_fov_deg, "fov_axis": "y", "to_world": look, "film": film,
+    })  # fmt: skip
+    path = mi.load_dict({"type": "path", "max_depth": 64, "rr_depth": 12})
+    return np.array(mi.render(surfaces.lit_by(*lights), sensor=sensor, integrator=path, spp=PIXEL_PATHS))
+
+
+def part(name: str, make) -> Any:
+    def run(data: Path, work: Path) -> dict[str, Any]:
+        return against_path_tracer(make(data), work, name)
+
+    run.__doc__ = make.__doc__
+    return run
+
+
+PARTS = {
+    name: part(name, make)
+    for name, make in {
+        "cornell-lamp": lit_scenes.cornell_lamp,
+        "cornell-sky": lit_scenes.cornell_sky,
+        "cornell-spheres": lit_scenes.cornell_spheres,
+        "room": lit_scenes.room_and_bunny,
+        "sponza": lit_scenes.sponza,
+        "sibenik": lit_scenes.sibenik,
+    }.items()
+}

@@ -1,0 +1,101 @@
+"""What the bounced light of a layer will cost, from a few receivers' rays."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..transport.gathering_kernels import count_entries
+from ..transport.hemisphere import HemisphereRays
+from .bounced import COLUMNS, MIXTURES, MOST_MODES
+from .layer_receivers import LayerReceivers
+from .light_cells import ASKED_AT_ONCE, DIRECTIONS, light_cells
+from .zones import VIEWED
+
+_PROCESS_BYTES = 330_000_000  # Python, the renderer and its compiler, measured
+_BYTES_PER_TRIANGLE = 200  # of the renderer's tree
+_SOLVER_COPIES = 22  # of the columns that are solved together
+_RAYS_AT_ONCE = 1 << 22
+_BYTES_PER_RAY = 60  # of a tile of the operator
+_USED_SHARE = 0.9
+_STRETCHES, _ROWS = 12, 16  # receivers whose rays are tried
+_PRODUCTS = 8  # that solving takes
+_ENTRY_COLUMNS = 2.5e9  # a second, of the products, measured on two cores
+_USUAL_MODES = 0.6  # of the most
+
+
+@dataclass(frozen=True)
+class BouncedPlan:
+    """An estimate; nothing where light does not bounce."""
+
+    rays: int = 0
+    seconds: float = 0.0
+    memory: int = 0  # bytes, peak of the process
+    bytes: int = 0  # on disk
+    entries: int = 0
+    operator_bytes: int = 0  # what the operator may take; beyond it tiles are traced again in each product
+
+
+def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
+    """Raises InputError where ``memory`` bytes are not enough."""
+    settings, scene = layer.settings, layer.scene
+    if settings.bounces == 0:
+        return BouncedPlan()
+    V, N = len(scene.positions), layer.count
+    viewed = sum(len(zone.rows) for zone in layer.zones if zone.kind == VIEWED)
+    grey = not viewed and not scene.textures and bool((scene.albedo == scene.albedo[:, :1]).all())
+    C = 1 if grey else 3
+    per_row, ray_seconds = _tried(layer)
+    entries = int(per_row * V)
+    wanted = entries * (8 if not scene.textures else 4 + 4 * C) + 8 * V
+
+    fixed = _PROCESS_BYTES + len(scene.triangles) * _BYTES_PER_TRIANGLE
+    fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * _BYTES_PER_RAY
+    fixed += min(ASKED_AT_ONCE, V * DIRECTIONS) * 12
+    fixed += V * (C * 4 * (2 * MIXTURES + _SOLVER_COPIES * COLUMNS) + DIRECTIONS // 8) + N * MIXTURES * 12
+    left = int(_USED_SHARE * memory - fixed)
+    if left < 0:
+        least = fixed / _USED_SHARE / 1e9 + 0.05
+        reason = f"{memory / 1e9:.1f} GB is not enough for the bounced light of {V:,} vertices;"
+        raise InputError("memory", f"{reason} at least {least:.1f} GB is, or --bounces 0")
+
+    gathered = V * settings.gather_rays
+    rays = gathered + V * DIRECTIONS // 2 + 2 * viewed * settings.gather_rays
+    products = _PRODUCTS if settings.bounces is None else min(settings.bounces, _PRODUCTS)
+    passes = 2 * -(-MIXTURES // COLUMNS) * products
+    seconds = rays * ray_seconds + 2.0 * entries * MIXTURES * C * products / _ENTRY_COLUMNS
+    if wanted > left:
+        seconds += passes * (1 - left / wanted) * gathered * ray_seconds
+    modes = int(MOST_MODES * _USUAL_MODES)
+    cells = len(light_cells(settings.resolution))
+    size = modes * (N + (0 if viewed else C * V) + 4 * C * cells)
+    return BouncedPlan(
+        rays=rays,
+        seconds=float(seconds),
+        memory=int(fixed + min(wanted, left)),
+        bytes=size,
+        entries=entries,
+        operator_bytes=left,
+    )
+
+
+def _tried(layer: LayerReceivers) -> tuple[float, float]:
+    """Entries of a row of the operator, and seconds a ray, from some receivers of the scene."""
+    scene = layer.scene
+    rays = HemisphereRays(
+        layer.occluders, scene, origins=layer.origins, normals=scene.normals, rays=layer.settings.gather_rays
+    )
+    V = len(scene.positions)
+    count = min(_ROWS, V)
+    counts = np.empty(count, np.int64)
+    found, took = [], []
+    for first in np.linspace(0, V - count, _STRETCHES).astype(int):
+        began = time.perf_counter()
+        hits = rays.trace(int(first), count)
+        count_entries(np.ascontiguousarray(scene.triangles), hits.triangle, counts, V)
+        took.append(time.perf_counter() - began)
+        found.append(counts.mean())
+    return float(np.mean(found)), float(np.median(took)) / (count * layer.settings.gather_rays)

@@ -1,0 +1,291 @@
+"""Baking steerable lamps under one eye: basis images in one pass of tracing each, then principal components.
+
+Strips of pixels and rounds of paths from the lamp are kept as they are done, so that a stopped bake goes on; the
+finished bake keeps components alone.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..encoding.principal_components import (
+    Components,
+    Images,
+    Keep,
+    basis_lights,
+    gram,
+    principal_components,
+    to_bytes,
+)
+from ..errors import InterruptedBakeError, OutputError
+from ..rays.surfaces import SurfaceScene
+from ..scene.geometry import Scene
+from ..storage.bake import Bake
+from ..storage.chunks import ChunkRecord
+from ..storage.journal import BakeWriter, refuse_target
+from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest
+from ..transport.basis_images import BasisTracer
+from .layer_writer import software
+from .scene_arrays import WrittenArrays, plain, scene_record, whole
+from .span_images import Chunk, SpanImages
+from .steerable_plan import SteerablePlan, plan_steerable, strip_pixels
+from .steerable_settings import BakedLamp, SteerableSettings
+
+Report = Callable[[float], None]  # share done
+SpanOf = Callable[[BakedLamp], Images]
+
+_ROUND = 64  # batches of paths from the lamp that are kept together
+_DISK_MARGIN = 1.1
+
+
+def bake_steerable(
+    scene: Scene,
+    path: str | Path,
+    *,
+    settings: SteerableSettings,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+) -> Bake:
+    """Bake lamps that are steered afterwards into the new folder ``path``.
+
+    Parameters
+    ----------
+    settings
+        Lamps, eye, size and quality.
+    resume, force
+        Go on with an interrupted bake of the same settings; replace what is there.
+    report
+        Hears the share done, 0 to 1.
+
+    Raises
+    ------
+    InputError
+        Settings out of range, more memory than allowed, or a partial bake of other settings.
+    OutputError
+        ``path`` exists, the disk is full or cannot be written; what was done can be resumed.
+    InterruptedBakeError
+        Stopped by Ctrl-C; what was done can be resumed.
+    MissingExtraError
+        Mitsuba or its LLVM is not installed.
+    """
+    refuse_target(Path(path), force=force)
+    plan = plan_steerable(scene, settings)
+    return bake_planned(scene, path, plan=plan, resume=resume, force=force, report=report)
+
+
+def bake_planned(
+    scene: Scene,
+    path: str | Path,
+    *,
+    plan: SteerablePlan,
+    resume: bool = False,
+    force: bool = False,
+    report: Report | None = None,
+) -> Bake:
+    """Carry out a plan of the same scene; otherwise as ``bake_steerable``."""
+    _check_disk(Path(path), plan)
+    settings = plan.settings
+    writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=resume, force=force)
+    started, earlier = time.perf_counter(), sum(entry.get("seconds", 0.0) for entry in writer.entries)
+    try:
+        manifest = writer.complete
+        if manifest is None:
+            tracing = _Tracing(scene, settings, writer, report or (lambda *_: None))
+            manifest = finished(scene, settings, writer, tracing.span, statistics=tracing.statistics)
+        writer.publish(manifest)
+    except KeyboardInterrupt as stop:
+        reason = f"stopped with {len(writer.entries)} parts kept; run the same command with --resume to go on"
+        raise InterruptedBakeError(path, reason) from stop
+    finally:
+        writer.close()
+    bake = Bake.open(path)
+    bake.note_seconds(earlier + time.perf_counter() - started)
+    return bake
+
+
+class _Tracing:
+    """Traces what the journal does not have yet, lamp by lamp."""
+
+    def __init__(self, scene: Scene, settings: SteerableSettings, writer: BakeWriter, report: Report) -> None:
+        self.scene, self.settings, self.writer, self.report = scene, settings, writer, report
+        self.surfaces = SurfaceScene(scene)
+        _, self.camera = settings.eye_in(scene)
+        self.statistics: dict[str, dict[str, float]] = {}
+        self._kept = {(e["lamp"], e["part"], e["number"]): e for e in writer.entries}
+
+    def span(self, lamp: BakedLamp) -> SpanImages:
+        """The span images of a lamp, on disk."""
+        tracer = BasisTracer(
+            self.scene, lamp.lamp, self.camera, settings=self.settings.images, surfaces=self.surfaces
+        )
+        pixels = self.settings.images.pixels
+        step = strip_pixels(lamp, self.settings.images.samples)
+        firsts = list(range(0, pixels, step))
+        rounds = -(-tracer.batches // _ROUND)
+        strips, noise, power = [], 0.0, 0.0
+        for k, first in enumerate(firsts):
+            entry = self._kept.get((lamp.name, "eye", k)) or self._strip(lamp, tracer, k, first, step)
+            strips.append(_chunk(entry, first))
+            noise, power = noise + entry["noise"], power + entry["power"]
+            self._tell(lamp, 0.9 * (k + 1) / len(firsts))
+        additions = []
+        for k in range(rounds):
+            entry = self._kept.get((lamp.name, "lamp", k)) or self._round(lamp, tracer, k)
+            additions.append(_chunk(entry, 0))
+            self._tell(lamp, 0.9 + 0.1 * (k + 1) / rounds)
+        self.statistics[lamp.name] = {"noise": (noise / power) ** 0.5 if power > 0 else 0.0}
+        return SpanImages(
+            self.writer.partial, strips, additions, functions=lamp.lamp.functions, pixels=pixels, chosen=lamp.traced
+        )
+
+    def _tell(self, lamp: BakedLamp, share: float) -> None:
+        self.report((self.settings.lamps.index(lamp) + share) / len(self.settings.lamps))
+
+    def _strip(self, lamp: BakedLamp, tracer: BasisTracer, k: int, first: int, step: int) -> dict[str, Any]:
+        began = time.perf_counter()
+        rows = tracer.pixels(first, min(step, self.settings.images.pixels - first))
+        images = np.ascontiguousarray(rows.images.transpose(2, 0, 1))
+        grey = images[0].mean(axis=1, dtype=np.float64)
+        figures = {"noise": float(rows.variance[:, 0].sum(dtype=np.float64)), "power": float(grey @ grey)}
+        return self._keep(lamp, "eye", k, images, figures, began)
+
+    def _round(self, lamp: BakedLamp, tracer: BasisTracer, k: int) -> dict[str, Any]:
+        began = time.perf_counter()
+        total = tracer.nothing()
+        for batch in range(k * _ROUND, min((k + 1) * _ROUND, tracer.batches)):
+            tracer.add_batch(batch, total)
+        return self._keep(lamp, "lamp", k, np.ascontiguousarray(total.images.transpose(2, 0, 1)), {}, began)
+
+    def _keep(
+        self, lamp: BakedLamp, part: str, k: int, images: np.ndarray, figures: dict[str, float], began: float
+    ) -> dict[str, Any]:
+        """A chunk that the finished bake will not have, and the journal's line about it."""
+        name = f"tracing/{lamp.name}/{part}/{k:05d}"
+        key, record = self.writer.write_chunk(name, (0, 0, 0), images, whole(images))
+        entry = {
+            "lamp": lamp.name, "part": part, "number": k, "chunks": {key: record.model_dump()},
+            "seconds": time.perf_counter() - began, **figures,
+        }  # fmt: skip
+        self.writer.append(entry)
+        return entry
+
+
+def finished(
+    scene: Scene,
+    settings: SteerableSettings,
+    writer: BakeWriter,
+    span: SpanOf,
+    *,
+    statistics: dict[str, dict[str, float]],
+) -> Manifest:
+    """Components of every lamp's span images, written, and the manifest of it all."""
+    written, layers = WrittenArrays(writer), {}
+    name, camera = settings.eye_in(scene)
+    eye = CameraRecord(name=name, view=plain(camera.to_dict()))
+    written.write_scene(scene)
+    for lamp in settings.lamps:
+        images = span(lamp)
+        components = _components(images, lamp, settings.keep)
+        _write_components(written, f"layers/{lamp.name}", components, images)
+        layers[lamp.name] = _record(lamp, settings, components, eye, statistics.get(lamp.name, {}))
+    return Manifest(
+        format=FORMAT,
+        version=VERSION,
+        settings=identity(scene, settings),
+        scene=scene_record(scene),
+        layers=layers,
+        arrays=written.arrays,
+        chunks=written.chunks,
+        software=software(),
+    )
+
+
+def _components(images: Images, lamp: BakedLamp, keep: Keep | str) -> Components:
+    if not isinstance(keep, Keep):
+        return basis_lights(lamp.basis)
+    return principal_components(gram(images), lamp.basis, keep=keep)
+
+
+def _write_components(written: WrittenArrays, at: str, components: Components, images: Images) -> None:
+    planes = to_bytes(components, components.images(images))
+    written.write(f"{at}/bytes", planes.bytes)
+    written.write(f"{at}/scales", planes.scales)
+    written.write(f"{at}/image_of", planes.image_of)
+    written.write(f"{at}/salience", planes.salience.astype(np.float32))
+    written.write(f"{at}/mixing", components.mixing.astype(np.float32))
+    written.write(f"{at}/singular_values", components.singular_values.astype(np.float32))
+
+
+def _record(
+    lamp: BakedLamp,
+    settings: SteerableSettings,
+    components: Components,
+    eye: CameraRecord,
+    statistics: dict[str, float],
+) -> LayerRecord:
+    images, singular = settings.images, components.singular_values
+    return LayerRecord(
+        kind="steerable",
+        basis_lights=lamp.basis.lights,
+        coefficients=components.kept,
+        rays=images.pixels * (images.samples + images.particles),
+        camera=eye,
+        parameters={
+            "width": images.width, "height": images.height, "samples": images.samples, "depth": images.depth,
+            "light_paths": images.particles, "seed": images.seed, "keep": settings.keep_text(),
+            "basis": lamp.basis_text(), "place": json.dumps(lamp.place(), sort_keys=True),
+            "lamp": json.dumps(lamp.lamp.to_dict(), sort_keys=True),
+        },
+        statistics={
+            "functions": lamp.basis.functions,
+            "largest_norm": float(lamp.basis.largest_norm),
+            "kept_share": float(singular[: components.kept].sum() / singular.sum()),
+            "components_error": float(components.error),
+            **statistics,
+        },
+    )  # fmt: skip
+
+
+def identity(scene: Scene, settings: SteerableSettings) -> dict[str, int | float | str | None]:
+    """Everything that the bytes of the bake depend on."""
+    images = settings.images
+    lamps = [{"name": one.name, "parity": one.parity, **one.lamp.to_dict()} for one in settings.lamps]
+    return {
+        "kind": "steerable",
+        "scene": scene.digest,
+        "lamps": json.dumps(lamps, sort_keys=True),
+        "camera": json.dumps(settings.eye_in(scene)[1].to_dict(), sort_keys=True),
+        "picture": f"{images.width}x{images.height}, {images.samples} samples, depth {images.depth}",
+        "light_paths": images.particles,
+        "paths": f"{'indirect' if images.indirect_only else 'all'}, by chance {images.by_chance}",
+        "seed": images.seed,
+        "keep": settings.keep_text(),
+        **software(),
+    }
+
+
+def _chunk(entry: dict[str, Any], first: int) -> Chunk:
+    ((key, record),) = entry["chunks"].items()
+    return key, ChunkRecord(**record), first
+
+
+def _check_disk(path: Path, plan: SteerablePlan) -> None:
+    """Raises OutputError if the bake will not fit: better before the tracing than after."""
+    try:
+        free = shutil.disk_usage(path.absolute().parent).free
+    except (OSError, ValueError):
+        return  # what is wrong with the folder is said where it is written to
+    needed = _DISK_MARGIN * (plan.bytes + plan.scratch)
+    if free < needed:
+        reason = f"about {needed / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
+        raise OutputError(path, reason + "; free some space or choose another disk")
+
+

@@ -1,0 +1,142 @@
+"""Basis images by another renderer: the list of lights for it, and its pictures read back."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Float32
+from ..bases.panels import PanelBasis
+from ..bases.products import ProductBasis
+from ..bases.steering import SpotBasis
+from ..errors import InputError
+from ..files import read_regular
+from ..images import chromaticities
+from ..images.openexr import decode_exr
+from ..scene.geometry import Scene
+from ..storage.bake import Bake
+from ..storage.journal import BakeWriter, refuse_target
+from ..transport.steered_lamps import SteeredSpot
+from .scene_arrays import plain
+from .steerable import finished, identity
+from .steerable_plan import check_memory
+from .steerable_settings import BakedLamp, SteerableSettings
+
+
+_LARGEST_FILE = 1 << 28
+
+
+def picture_name(lamp: str, light: int) -> str:
+    """The file that holds the picture under a basis light."""
+    return f"{lamp}_{light:05d}.exr"
+
+
+def lights_list(scene: Scene, settings: SteerableSettings) -> bytes:
+    """The basis lights of every lamp and the eye, as JSON for a person's or a renderer's script.
+
+    A spot's light shines with intensity ((1 + ω·direction)/2)^degree W/sr ((ω·direction)^degree where it has a
+    parity); a panel's with radiance ((1 + cos 2π(u − position))/2)^periods along each side; both times each other
+    where a panel turns. Pictures are linear, Rec.709.
+    """
+    name, camera = settings.eye_in(scene)
+    images = settings.images
+    document = {
+        "eye": {"name": name, **plain(camera.to_dict())},
+        "width": images.width,
+        "height": images.height,
+        "pixel_filter": "tent, two pixels wide",
+        "lamps": [_lamp(one) for one in settings.lamps],
+    }
+    return (json.dumps(document, indent=1) + "\n").encode()
+
+
+def _lamp(one: BakedLamp) -> dict[str, Any]:
+    basis = one.basis
+    panel = basis.panel if isinstance(basis, ProductBasis) else basis if isinstance(basis, PanelBasis) else None
+    spot = basis.spot if isinstance(basis, ProductBasis) else basis if isinstance(basis, SpotBasis) else None
+    aims = [None] if spot is None else spot.directions.tolist()
+    places = [None] if panel is None else panel.positions.tolist()  # ty: ignore
+    lights = []
+    for k, (place, aim) in enumerate((place, aim) for place in places for aim in aims):
+        light: dict[str, Any] = {"picture": picture_name(one.name, k)}
+        if place is not None:
+            light["position"] = place
+        if aim is not None:
+            light["direction"] = aim
+        lights.append(light)
+    shape = {}
+    if spot is not None:
+        power = "((1 + w·direction)/2)" if one.parity == "all" else "(w·direction)"
+        unit = "intensity, W/sr" if isinstance(one.lamp, SteeredSpot) else "times radiance"
+        shape["by direction"] = f"{unit}: {power}^{spot.degree}; w is the unit direction in which light leaves"
+    if panel is not None:
+        n, m = one.lamp.periods
+        wave = "((1 + cos 2π(u − position[0]))/2)"
+        shape["by place"] = f"radiance: {wave}^{n} · {wave.replace('u', 'v').replace('[0]', '[1]')}^{m}"
+    return {"name": one.name, **one.lamp.to_dict(), "shape": shape, "lights": lights}
+
+
+def bake_from_images(
+    scene: Scene,
+    path: str | Path,
+    folder: str | Path,
+    *,
+    settings: SteerableSettings,
+    force: bool = False,
+) -> Bake:
+    """A bake of pictures that another renderer has made, one for each basis light, named as the list names them.
+
+    Raises
+    ------
+    InputError
+        A picture is missing, is not of the settings' size or holds values that are not finite; memory is short.
+    OutputError
+        ``path`` exists or cannot be written.
+    """
+    refuse_target(Path(path), force=force)
+    check_memory(settings, len(scene.triangles))
+    spans = {one.name: _span_of(one, Path(folder), settings) for one in settings.lamps}
+    writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=False, force=force)
+    started = time.perf_counter()
+    try:
+        writer.publish(finished(scene, settings, writer, lambda one: spans[one.name], statistics={}))
+    finally:
+        writer.close()
+    bake = Bake.open(path)
+    bake.note_seconds(time.perf_counter() - started)
+    return bake
+
+
+def _span_of(
+    one: BakedLamp, folder: Path, settings: SteerableSettings
+) -> Float32[np.ndarray, "functions pixels 3"]:
+    """Span images, by the pseudo-inverse of the basis lights."""
+    if not folder.is_dir():
+        raise InputError(folder, "no such folder; expected one with a picture for each basis light")
+    images, basis = settings.images, one.basis
+    pictures = np.empty((basis.lights, images.pixels, 3), np.float32)
+    for k in range(basis.lights):
+        file = folder / picture_name(one.name, k)
+        if not file.is_file():
+            names = f"{picture_name(one.name, 0)} to {picture_name(one.name, basis.lights - 1)}"
+            raise InputError(file, f"is missing; expected {names}, as the lights list names them")
+        picture = _read(file)
+        if picture.shape[:2] != (images.height, images.width):
+            found = f"{picture.shape[1]}×{picture.shape[0]}"
+            raise InputError(file, f"is {found}, expected {images.width}×{images.height} as all others; see --size")
+        pictures[k] = picture.reshape(-1, 3)
+    if not np.isfinite(pictures).all():
+        raise InputError(folder, "a picture has values that are not finite; render it again")
+    return basis.span_images(pictures).astype(np.float32)
+
+
+def _read(file: Path) -> Float32[np.ndarray, "height width 3"]:
+    """An OpenEXR picture in Rec.709; unlike a map of radiance it may have negative values, as odd lights have."""
+    picture, matrix = decode_exr(file, read_regular(file, limit=_LARGEST_FILE))
+    if matrix is not None:
+        chromaticities.convert(picture, matrix)
+    return picture

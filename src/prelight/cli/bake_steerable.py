@@ -1,0 +1,275 @@
+"""``prelight bake steerable``: lamps that are aimed, moved and reshaped after tracing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from ..camera import Camera
+from ..errors import InputError
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..baking.steerable_plan import SteerablePlan
+    from ..baking.steerable_settings import BakedLamp, SteerableSettings
+    from ..encoding.principal_components import Keep
+    from ..storage.bake import Bake
+
+_NUMBER = Parameter(converter=arguments.whole_number)
+_LAMP = re.compile(r"(?:([^=]{1,40})=)?(.+)", re.DOTALL)
+
+
+def steerable(  # noqa: PLR0913 - one for each option
+    scene: str,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    spot: Annotated[list[str] | None, Parameter(negative="")] = None,
+    panel: Annotated[list[str] | None, Parameter(negative="")] = None,
+    degree: Annotated[int, _NUMBER] = 5,
+    periods: Annotated[int, _NUMBER] = 4,
+    panel_degree: Annotated[int | None, _NUMBER] = None,
+    parity: str = "all",
+    lamp_radius: float = 0.02,
+    camera: str | None = None,
+    size: str = "256x256",
+    samples: Annotated[int, _NUMBER] = 256,
+    light_paths: Annotated[int, _NUMBER] = 64,
+    depth: Annotated[int, _NUMBER] = 12,
+    indirect_only: Annotated[bool, Parameter(negative="")] = False,
+    left_to_chance: str = "keep",
+    components: Annotated[int | None, _NUMBER] = None,
+    share: float | None = None,
+    error: float | None = None,
+    all_components: Annotated[bool, Parameter(negative="")] = False,
+    seed: Annotated[int, _NUMBER] = 0,
+    lights_list: Path | None = None,
+    from_images: Path | None = None,
+    albedo: str | None = None,
+    trust: Annotated[bool, Parameter(negative="")] = False,
+    memory: str | None = None,
+    dry_run: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Bake lamps that one eye sees with every bounce, to be aimed, slid and reshaped in milliseconds.
+
+    All basis images of a lamp come out of one pass of tracing; their principal components are kept.
+
+    Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
+
+    Parameters
+    ----------
+    scene
+        A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:steerable).
+    output
+        The bake, a new folder; SCENE.prelight beside you if not given.
+    spot
+        Where a spot is: X,Y,Z or NAME=X,Y,Z, metres; again for more. A rig calls it by that name.
+    panel
+        Where a panel is: corner, first and second side, as X,Y,Z/X,Y,Z/X,Y,Z or NAME=…; again for more. It shines to
+        the side from which its first side turns counter-clockwise into its second.
+    degree
+        N of the spots, 0 to 24: (N+1)² basis images. A spot ((1+cos)/2)^N is 2·acos(2^(1−1/N)−1) wide: 83° at 5, 62° at 9.
+    periods
+        Whole periods along each side of the panels, 0 to 16: (2·periods+1)² basis images.
+    panel_degree
+        Turn the panels' light too, up to this degree; times (n+1)² basis images. Without it, it leaves alike in all
+        directions.
+    parity
+        all, or even or odd (as the degree is): for spots with f(−ω) = ±f(ω), half the images.
+    lamp_radius
+        Of the spots, metres. A larger one softens shadows, and lets less be left to chance; 0 is a point.
+    camera
+        The one eye: the name of a camera in the scene, or a JSON file with eye, target, up and vertical_fov_deg.
+    size
+        Width and height of the picture, up to 2048 each.
+    samples
+        Paths through each pixel: 64 for a look, 1024 for a clean picture.
+    light_paths
+        Paths from the lamp for each pixel, where it meets glass or mirrors: for light that falls through them.
+    depth
+        The most edges of a path; 2 is direct light.
+    indirect_only
+        Leave direct light out, to be added exactly by another way.
+    left_to_chance
+        keep, or drop: light through glass that is seen through glass or in a mirror. It is met by chance, so noisy.
+    components, share, error
+        How many components to keep: a number; or by a share of the sum of singular values, such as the paper's 0.9; or
+        by the RMS error of the basis pictures, which is 0.01 if nothing is said.
+    all_components
+        Keep every basis light.
+    seed
+        Of all randomness.
+    lights_list
+        Write the basis lights and the eye to this JSON file, for another renderer to make the images; nothing is traced.
+    from_images
+        Take the basis images from this folder instead of tracing: LAMP_00000.exr, …, as the lights list names them.
+    albedo
+        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
+    trust
+        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
+    memory
+        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
+    dry_run
+        Only say what it would cost.
+    resume
+        Go on with an interrupted bake.
+    force
+        Replace the output, or begin an interrupted bake anew.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..storage.journal import refuse_target
+
+    target = output or Path(
+        (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
+    )
+    if left_to_chance not in ("keep", "drop"):
+        raise InputError("--left-to-chance", f"{left_to_chance!r}, expected keep or drop")
+    if not dry_run and lights_list is None:
+        refuse_target(target, force=force)
+    budget = arguments.memory(memory)
+    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    with printing.waiting("reading the scene"):
+        from ..baking.steerable_settings import SteerableSettings
+        from ..scene.loading import load_scene
+        from ..transport.basis_images import ImageSettings
+
+        width, height = arguments.picture_size(size)
+        lamps = _lamps(
+            scene, spot or [], panel or [], degree=degree, periods=periods, panel_degree=panel_degree,
+            parity=parity, radius=lamp_radius,
+        )  # fmt: skip
+        images = ImageSettings(
+            width, height, samples, light_paths, depth, indirect_only, left_to_chance == "keep", seed
+        )
+        keep = "all" if all_components else _keep(components, share, error)
+        eye = Camera.open(camera) if camera is not None and camera.lower().endswith(".json") else camera
+        kept = {} if keep is None else {"keep": keep}
+        settings = SteerableSettings(tuple(lamps), eye, images, memory=budget, **kept)
+        loaded = load_scene(scene, albedo=colour, trust=trust)
+    if lights_list is not None:
+        _write_list(loaded, settings, lights_list, force=force)
+        return
+    if from_images is not None:
+        from ..baking.steerable_foreign import bake_from_images
+
+        with printing.waiting("reading basis images"):
+            bake = bake_from_images(loaded, target, from_images, settings=settings, force=force)
+        _say_done(bake, target, json=json)
+        return
+    from ..baking.steerable import bake_planned
+    from ..baking.steerable_plan import plan_steerable
+
+    with printing.waiting("estimating the cost (compiling too)"):
+        plan = plan_steerable(loaded, settings)
+    if not json:
+        _say_plan(loaded, plan)
+    if dry_run:
+        if json:
+            printing.say_json(plan.summary())
+        return
+    with printing.share_bar("baking") as report:
+        bake = bake_planned(loaded, target, plan=plan, resume=resume, force=force, report=report)
+    _say_done(bake, target, json=json)
+
+
+def _lamps(scene: str, spots: list[str], panels: list[str], **how: Any) -> list[BakedLamp]:
+    """What --spot and --panel say; a stock scene made for it has a spot of its own."""
+    from ..baking.steerable_settings import BakedLamp
+    from ..transport.steered_lamps import SteeredPanel, SteeredSpot
+
+    if not spots and not panels:
+        if not scene.startswith("stock:steerable"):
+            raise InputError("--spot", "no lamp given; say where one is: --spot X,Y,Z or --panel X,Y,Z/X,Y,Z/X,Y,Z")
+        from ..scene.stock.chess import SPOT_AT
+
+        spots = [",".join(map(str, SPOT_AT))]
+    found = []
+    for text in spots:
+        name, (position,) = _named("--spot", text, "spot", 1)
+        lamp = SteeredSpot(position, how["degree"], how["radius"])
+        found.append(BakedLamp(name, lamp, how["parity"]))
+    for text in panels:
+        name, (corner, side_u, side_v) = _named("--panel", text, "panel", 3)
+        lamp = SteeredPanel(corner, side_u, side_v, (how["periods"],) * 2, how["panel_degree"])
+        found.append(BakedLamp(name, lamp, how["parity"] if how["panel_degree"] is not None else "all"))
+    return found
+
+
+def _named(option: str, text: str, usual: str, count: int) -> tuple[str, list[tuple[float, float, float]]]:
+    """NAME=X,Y,Z/X,Y,Z: the name and so many points."""
+    match = _LAMP.fullmatch(text)
+    points = []
+    for part in (match[2] if match else "").split("/"):
+        try:
+            x, y, z = (float(number) for number in part.split(","))
+        except ValueError:
+            continue
+        points.append((x, y, z))
+    if match is None or len(points) != count or text.count("/") != count - 1:
+        wanted = "/".join(["X,Y,Z"] * count)
+        raise InputError(option, f"{text!r}, expected {wanted} or NAME={wanted}, metres")
+    return match[1] or usual, points
+
+
+def _keep(components: int | None, share: float | None, error: float | None) -> Keep | None:
+    from ..encoding.principal_components import Keep
+
+    given = [name for name, x in (("--components", components), ("--share", share), ("--error", error)) if x is not None]
+    if len(given) > 1:
+        raise InputError(given[1], f"given beside {given[0]}; choose one rule")
+    if not given:
+        return None
+    return Keep(count=components, error=error) if share is None else Keep(share=share)
+
+
+def _say_plan(loaded: Any, plan: SteerablePlan) -> None:
+    for note in (*loaded.notes, *plan.notes):
+        printing.say(f"note: {note}")
+    images = plan.settings.images
+    for lamp in plan.settings.lamps:
+        basis = lamp.basis
+        printing.say(
+            f"{lamp.name}: {basis.lights:,} basis lights, {basis.functions:,} functions; "
+            f"a steered light's weights are at most {basis.largest_norm:.2f} long"
+        )
+    printing.say(
+        f"{loaded.name}: {images.width}×{images.height} pixels, {plan.triangles:,} triangles\n"
+        f"about {printing.count(plan.paths)} paths, {printing.duration(plan.seconds)}, "
+        f"{printing.size(plan.bytes)} on disk ({printing.size(plan.scratch)} more while baking), "
+        f"at most {printing.size(plan.memory)} of memory"
+    )
+
+
+def _say_done(bake: Bake, target: Path, *, json: bool) -> None:
+    summary = bake.summary()
+    if json:
+        printing.say_json(summary)
+        return
+    for layer in summary["layers"]:
+        printing.say(
+            f"{layer['name']}: {layer['coefficients']} components of {layer['basis_lights']} basis images "
+            f"({layer['statistics']['kept_share']:.0%} of the sum of singular values, pictures within "
+            f"{layer['statistics']['components_error']:.1%} RMS), {printing.size(layer['bytes'])}"
+        )
+    taken = f", {printing.duration(bake.seconds)}" if bake.seconds is not None else ""
+    printing.say(
+        f"{target}: {printing.size(summary['bytes'])}{taken}\nnow: prelight relight {target} RIG.toml -o picture.png"
+    )
+
+
+def _write_list(loaded: Any, settings: SteerableSettings, path: Path, *, force: bool) -> None:
+    from ..baking.steerable_foreign import lights_list
+    from ..files import publish, refuse_existing
+
+    refuse_existing(path, force=force)
+    text = lights_list(loaded, settings)
+    publish(path, text)
+    count = sum(lamp.basis.lights for lamp in settings.lamps)
+    printing.say(f"{path}: {count:,} basis lights; render each, then: prelight bake steerable … --from-images FOLDER")

@@ -1,0 +1,80 @@
+"""Steerable layers of a bake, opened for relighting: what is said of them checked, nothing trusted."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ..bases.panels import PanelBasis
+from ..bases.products import ProductBasis
+from ..bases.steering import SpotBasis
+from ..camera import Camera
+from ..encoding.byte_planes import BytePlanes
+from ..errors import DamagedBakeError, InputError
+from ..lighting.places import Place
+from ..storage.bake import Bake
+from ..storage.manifest import LayerRecord
+from .steerable_layer import Basis, SteerableLayer
+
+KIND = "steerable"
+
+
+def steerable_names(bake: Bake) -> tuple[str, ...]:
+    """The steerable layers of a bake, by name."""
+    return tuple(name for name, layer in bake.layers.items() if layer.kind == KIND)
+
+
+def open_steerable(bake: Bake) -> list[SteerableLayer]:
+    """All steerable layers of a bake; none if it has none. Raises DamagedBakeError."""
+    return [_opened(bake, name, bake.layers[name]) for name in steerable_names(bake)]
+
+
+def steerable_camera(bake: Bake) -> tuple[str, Camera]:
+    """The eye of a bake's steerable layers, which all have the same. Raises DamagedBakeError, InputError."""
+    records = [bake.layers[name].camera for name in steerable_names(bake)]
+    if not records or records[0] is None:
+        raise InputError(bake.path, "has no steerable layer")
+    if any(record is None or record.view != records[0].view for record in records):
+        raise InputError(bake.path, "its steerable layers have different eyes")
+    try:
+        return records[0].name, Camera.from_dict(records[0].view)
+    except InputError as error:
+        raise DamagedBakeError(bake.path, f"the eye in it is wrong: {error.reason}") from None
+
+
+def _opened(bake: Bake, name: str, record: LayerRecord) -> SteerableLayer:
+    at, said = f"layers/{name}", record.parameters
+    parts = {part: bake.array(f"{at}/{part}") for part in ("bytes", "scales", "image_of", "salience", "mixing")}
+    for part, values in parts.items():
+        if values.dtype == np.float32 and not np.isfinite(values).all():
+            raise DamagedBakeError(bake.path, f"{at}/{part} has values that are not finite")
+    size = (int(said["width"]), int(said["height"]))  # ty: ignore
+    try:
+        planes = BytePlanes(
+            size[0] * size[1], parts["bytes"], parts["scales"], parts["image_of"], parts["salience"].astype(np.float64)
+        )
+        basis, place = basis_of(str(said["basis"])), _place(str(said["place"]))
+        return SteerableLayer(name, basis, place, size, planes, parts["mixing"].astype(np.float64))
+    except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
+        reason = error.reason if isinstance(error, InputError) else str(error)
+        raise DamagedBakeError(bake.path, f"layer {name!r} does not fit together: {reason}") from None
+
+
+def basis_of(text: str) -> Basis:
+    """The basis that a bake describes. Raises ValueError, KeyError or TypeError for any other text."""
+    said: dict[str, Any] = json.loads(text)
+    kind = said["kind"]
+    if kind not in ("spot", "panel", "product"):
+        raise InputError("basis", f"of kind {kind!r}, expected spot, panel or product")
+    spot = None if kind == "panel" else SpotBasis(said["degree"], parity=said["parity"])
+    if kind == "spot" and spot is not None:
+        return spot
+    panel = PanelBasis(tuple(said["harmonics"]))
+    return panel if spot is None else ProductBasis(panel, spot)
+
+
+def _place(text: str) -> Place:
+    said = json.loads(text)
+    return Place(said["kind"], tuple(said["origin"]), tuple(tuple(edge) for edge in said["edges"]))
