@@ -99,11 +99,13 @@ _software = cache(layer_writer.software)
 
 
 def quick_plan(
-    *, tolerance: float = TOLERANCE, block: int = 32, zones: int = ZONES
+    *, tolerance: float = TOLERANCE, block: int = 32, zones: int = ZONES, bounces: int | None = None
 ) -> tuple[Scene, EnvironmentPlan]:
     """A small scene, and a plan of it without the estimate."""
     scene = ball_on_floor(side=6, rings=5)
-    settings = EnvironmentSettings(resolution=RESOLUTION, tolerance=tolerance, zones=zones)
+    settings = EnvironmentSettings(
+        resolution=RESOLUTION, tolerance=tolerance, zones=zones, bounces=bounces
+    )
     figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
     return scene, EnvironmentPlan(
         settings=settings,
@@ -124,6 +126,7 @@ def quick_bake(
     block: int = 32,
     tolerance: float = TOLERANCE,
     zones: int = ZONES,
+    bounces: int | None = None,
     **options,
 ) -> Bake:
     """A bake of a small scene in two zones; options as for `bake_planned`.
@@ -131,7 +134,7 @@ def quick_bake(
     With ``replay`` the clusters are found once in a process and written again each time. A zone is one parcel,
     or two with ``small_parcels``, which a relighter does not expect.
     """
-    scene, plan = quick_plan(tolerance=tolerance, block=block, zones=zones)
+    scene, plan = quick_plan(tolerance=tolerance, block=block, zones=zones, bounces=bounces)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(direct, "Visibility", BallVisibility)
         patch.setattr(layer_receivers, "Occluders", lambda *_: None)

@@ -13,8 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-WIDTH, HEIGHT = 640, 360
-_ARGUMENTS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox", "--disable-dev-shm-usage")
+WIDTH, HEIGHT = 480, 270
+_ARGUMENTS = (
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+)
 _PIXELS = """() => {
   const {width, height, data} = __prelight.pixels();
   let text = "";
@@ -61,6 +66,7 @@ class Visit:
         """Wait for the exact light of a state no older than the one of this sequence."""
         self.until("!!window.__prelight && __prelight.metrics.ready")
         self.until(f"__prelight.metrics.shownExact && __prelight.metrics.shownSequence >= {after}")
+        self.until("__prelight.metrics.sky === __prelight.look().environment")
 
     def pixels(self) -> np.ndarray:
         """What the canvas shows, (height, width, 3) bytes, the top row first."""
@@ -70,11 +76,15 @@ class Visit:
 
     def slide(self, section: str, name: str, value: float) -> None:
         """Set a slider of a section of the panel."""
-        self.page.get_by_role("region", name=section).get_by_role("slider", name=name, exact=True).fill(str(value))
+        self.page.get_by_role("region", name=section).get_by_role("slider", name=name, exact=True).fill(
+            str(value)
+        )
 
 
 @contextmanager
-def visiting(browser: Any, url: str, *, width: int = WIDTH, height: int = HEIGHT, scheme: str = "dark") -> Iterator[Visit]:
+def visiting(
+    browser: Any, url: str, *, width: int = WIDTH, height: int = HEIGHT, scheme: str = "dark"
+) -> Iterator[Visit]:
     """Open the page as somebody new. It must not complain, nor ask anybody else for anything."""
     context = browser.new_context(
         viewport={"width": width, "height": height}, color_scheme=scheme, reduced_motion="reduce"

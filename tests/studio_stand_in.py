@@ -23,6 +23,11 @@ POLICY = (
 KINDS = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
 SKY = (256, 512)  # rows and columns of a sky that the page is given
 State = dict[str, Any]
+ROWS, COLUMNS = 6, 10
+STRAIGHT = {
+    "name": "straight", "eye": (0.0, 0.0, 10.0), "target": (0.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0),
+    "vertical_fov_deg": float(np.degrees(2 * np.arctan(0.1 * ROWS / 2))),
+}  # fmt: skip
 
 
 def packed(colours: np.ndarray) -> np.ndarray:
@@ -196,6 +201,17 @@ class StandIn:
             others = [disc for disc in self.state["discs"] if disc["id"] != message["id"]]
             self.state["discs"] = others + ([message] if kind == "SetDisc" else [])
         self.state |= {"sequence": self.state["sequence"] + 1, "author": self.sockets}
+
+
+def patches(colours: np.ndarray, **more) -> StandIn:
+    """A square for each colour (ROWS·COLUMNS, 3), row by row from the top, that fills the picture."""
+    j, i = (index.ravel() for index in np.meshgrid(np.arange(COLUMNS), np.arange(ROWS)))
+    x, y = j - COLUMNS / 2, ROWS / 2 - i
+    corners = np.stack([np.stack([x + a, y - b, 0 * x], axis=1) for b in (0, 1) for a in (0, 1)], axis=1)
+    first = 4 * np.arange(len(x))[:, None]
+    triangles = np.concatenate([first + np.array([0, 2, 1]), first + np.array([1, 2, 3])])
+    rows = np.repeat(colours, 4, axis=0)
+    return StandIn(corners.reshape(-1, 3), triangles, lambda _: rows, [STRAIGHT], **more)
 
 
 @contextmanager

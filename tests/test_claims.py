@@ -23,7 +23,9 @@ def baked(tmp_path_factory):
         key = resolution, tolerance
         if key not in known:
             path = folder / f"{resolution}-{tolerance}.prelight"
-            known[key] = bake_environment(ball_on_floor(), path, resolution=resolution, tolerance=tolerance, bounces=0)
+            known[key] = bake_environment(
+                ball_on_floor(), path, resolution=resolution, tolerance=tolerance, bounces=0
+            )
         return known[key]
 
     return bake

@@ -21,7 +21,7 @@ NAMES = {
     "relative_rms", "mean_difference", "signed_mean", "worst", "detectable_bias", "z_rejected_share", "pooled_z",
     "reference_seconds",
 }  # fmt: skip
-STILL_LIFE = ["stock:still-life-small", "--resolution", "16"]
+STILL_LIFE = ["stock:still-life-small", "--resolution", "8"]
 BAKES = {
     "roof": ["roof.ply", "--resolution", "32"],
     "coarse": ["roof.ply", "--resolution", "32", "--tolerance", "0.2"],

@@ -18,7 +18,7 @@ from prelight.lighting.ies import Photometry, parsed
 HEAD = "IESNA:LM-63-2002\n[TEST] none\n[MANUFAC] nobody\n"
 
 
-def written(
+def written(  # noqa: PLR0913  (the lines of the file)
     vertical, horizontal, candela, *, head=HEAD, tilt="TILT=NONE", lamps="1 1000 1", kind=1, ballast="1 1 50"
 ) -> bytes:
     def row(values) -> str:
@@ -77,6 +77,10 @@ def test_planes_are_mirrored_all_around() -> None:
             assert at(other, 45, h) == pytest.approx(wanted, abs=1e-6)
     assert at(whole, 45, 0) == 1.0
     assert at(whole, 45, 90) == pytest.approx(0.2)
+    to_the_right = parsed(
+        written(vertical, [0, 90, 180, 270, 360], [[50, c, 0] for c in (100, 60, 20, 40, 100)]), name="x"
+    )
+    assert [at(to_the_right, 45, h) for h in (0, 90, 180, 270)] == pytest.approx([1.0, 0.6, 0.2, 0.4])
     lopsided = parsed(written(vertical, [90, 180, 270], [[50, 10, 0], [50, 20, 0], [50, 30, 0]]), name="x")
     assert at(lopsided, 45, 180) == pytest.approx(20 / 50)
     assert at(lopsided, 45, 0) == pytest.approx(20 / 50)  # the mirror image of 180
@@ -118,7 +122,10 @@ BAD = {
     "one horizontal": (written([0, 90], [45], [[1, 1]]), "one horizontal angle, 45"),
     "type B": (written([0, 90], [0], [[1, 1]], kind=2), "photometry of type B"),
     "type 9": (written([0, 90], [0], [[1, 1]], kind=9), "photometric type"),
-    "million angles": (b"TILT=NONE\n1 1 1 1000000 1000000 1 1 0 0 0\n1 1 1\n", "expected a whole number from 2 to 2000"),
+    "million angles": (
+        b"TILT=NONE\n1 1 1 1000000 1000000 1 1 0 0 0\n1 1 1\n",
+        "expected a whole number from 2 to 2000",
+    ),
     "no ballast": (written([0, 90], [0], [[1, 1]], ballast="0 1 50"), "ballast factor is 0"),
     "half a lamp": (written([0, 90], [0], [[1, 1]], lamps="0.5 100 1"), "0.5 is no number of lamps"),
     "negative multiplier": (written([0, 90], [0], [[1, 1]], lamps="1 100 -1"), "multiplier"),

@@ -127,6 +127,25 @@ def test_bright_and_dark_triangles_of_one_light_share_its_rays_without_bias(noth
     np.testing.assert_allclose(a, b, rtol=5e-3)
 
 
+def test_a_finely_divided_light_in_any_order_is_that_light(nothing) -> None:
+    """Triangles in an order with a period, as subdivision leaves them: rays fall on all of them alike."""
+    side = np.linspace(-1, 1, 33)
+    parts = []
+    for x0, x1 in zip(side[:-1], side[1:], strict=True):
+        for z0, z1 in zip(side[:-1], side[1:], strict=True):
+            a, b, c, d = (x0, 1, z0), (x1, 1, z0), (x1, 1, z1), (x0, 1, z1)
+            parts += [(a, b, c), (a, c, d)]
+    corners = np.float32(parts)
+    quarter = np.argsort((corners[:, 0, 0] < 0) * 2 + (corners[:, 0, 2] < 0), kind="stable").reshape(4, -1)
+    corners = corners[quarter.T.ravel()]  # every fourth triangle is in the same quarter
+    shining = LuminousTriangles(corners, np.ones((2048, 3), np.float32), np.zeros(2048, np.int32), 1)
+    at = np.float32([[0.8, 0, 0.8]])
+    whole = LuminousTriangles(square(1.0, 1.0), np.ones((2, 3), np.float32), np.zeros(2, np.int32), 1)
+    E = triangle_light(nothing, at, UP, lights=shining, rays=512)
+    expected = triangle_light(nothing, at, UP, lights=whole, rays=16384)
+    assert E[0, 0, 0] == pytest.approx(expected[0, 0, 0], rel=0.05)  # in order of memory: a quarter of it
+
+
 def test_a_scene_s_luminous_materials_are_found() -> None:
     scene = scene_of(grid(3, height=1.0), grid(3))
     lit = replace(

@@ -37,7 +37,9 @@ def test_shifted_exactly(harmonics: tuple[int, ...], rng: np.random.Generator) -
     basis = PanelBasis(harmonics)
     c, x = rng.standard_normal((basis.functions, 2)), rng.random((50, len(harmonics)))
     by = rng.random(len(harmonics))
-    np.testing.assert_allclose(basis.evaluate(x) @ basis.shifted(c, by), basis.evaluate(x - by) @ c, atol=1e-10)
+    np.testing.assert_allclose(
+        basis.evaluate(x) @ basis.shifted(c, by), basis.evaluate(x - by) @ c, atol=1e-10
+    )
 
 
 def test_shifted_copies_steer_a_panel(rng: np.random.Generator) -> None:

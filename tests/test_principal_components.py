@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,7 +76,8 @@ def test_the_papers_rule_and_the_others() -> None:
     assert Keep(share=1.0).number(s) == 5
     assert Keep(count=4).number(s) == 4
     left = remaining_errors(s)
-    assert left[0] == 1.0 and left[-1] == 0.0
+    assert left[0] == 1.0
+    assert left[-1] == 0.0
     assert Keep(error=float(left[3]) * 1.001).number(s) == 3
     assert Keep(error=0.0).number(s) == 5
     for rule in (Keep(count=6), Keep(count=0), Keep(error=1.0), Keep(share=0.0), Keep(error=-0.1)):
@@ -125,6 +128,33 @@ def test_bytes_cost_at_most_half_a_decibel(scene, rng: np.random.Generator) -> N
     loss = 10.0 * np.log10(squares[1:] / squares[0])
     assert -0.1 < loss[0] <= 0.5
     assert loss[1] > 0.5  # one plane each would not do here
+
+
+def test_a_lamp_in_a_mirror_does_not_spoil_its_neighbours(scene) -> None:
+    """Three pixels of a thousand times the rest: bytes beside them would be worth nothing."""
+    basis, span = scene
+    lamps = np.sort(np.argsort(np.abs(span).sum(axis=(0, 2)))[[-1, -20, -50]])
+    lamp = span.copy()
+    lamp[:, lamps] *= 1000.0
+    components = principal_components(gram(span), basis, keep=Keep(count=12))
+    images, plain = components.images(lamp), components.images(span)
+    kept = to_bytes(components, images)
+    np.testing.assert_array_equal(kept.bright, lamps)
+    got, before = kept.decoded(12), to_bytes(components, plain).decoded(12)
+    np.testing.assert_allclose(got[:, lamps], images[:, lamps], rtol=1e-6)
+    others = np.setdiff1d(np.arange(500), lamps)
+    assert np.abs(got - images)[:, others].max() < 2.0 * np.abs(before - plain).max()
+    spoilt = encoded(images).decoded(12)
+    assert np.abs(spoilt - images)[:, others].max() > 50.0 * np.abs(before - plain).max()
+    np.testing.assert_array_equal(kept.decoded(12, slice(64, 450)), got[:, 64:450])
+    picture, w = np.zeros((500, 3), np.float32), np.arange(36.0).reshape(3, 12)
+    kept.add_bright(w, picture)
+    np.testing.assert_allclose(picture[lamps[1]], np.einsum("ck,kc->c", w, images[:, lamps[1]]), rtol=1e-5)
+    assert np.count_nonzero(picture.any(axis=1)) == 3
+    with pytest.raises(InputError, match="do not fit"):
+        replace(kept, bright=kept.bright[::-1].copy())
+    with pytest.raises(InputError, match="do not fit"):
+        replace(kept, bright=kept.bright + np.int32(500))
 
 
 def test_what_does_not_fit_is_refused(scene) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from prelight.bases.cube_map import rectangle_solid_angles, solid_angles
 from prelight.lighting.disc import Disc, add_discs
-from prelight.relighting import columns
+from prelight.relighting.column_kernels import plan_columns
 from prelight.relighting.environment import EnvironmentRelighter
 from prelight.relighting.layer import EnvironmentLayer
 from prelight.relighting.light_tree import LightTree
@@ -24,6 +24,8 @@ from .zoned_bake import (
     random_zone,
     write_bake,
 )
+
+COLUMNS = "prelight.relighting.columns"
 
 
 @pytest.fixture(scope="module", params=CHANNELS)
@@ -131,7 +133,7 @@ def test_discs_moved_step_by_step_do_not_drift(several, rng):
 def walk(live: EnvironmentRelighter, rng: np.random.Generator) -> list[Disc]:
     """Move two discs about, in small steps and large ones; where they are in the end."""
     for step in range(60):
-        leap = 40 * (step // 15)
+        leap = 40 * (step // 10 % 2)  # there, back, and there again
         discs = [
             Disc.at(leap + step, 10, radius_deg=6 + step % 15, radiance=tuple(rng.random(3))),
             Disc.at(leap - step, -40, radius_deg=25, radiance=tuple(rng.random(3)), softness=0.5),
@@ -144,10 +146,10 @@ def walk(live: EnvironmentRelighter, rng: np.random.Generator) -> list[Disc]:
 def test_columns_make_room_for_others(sample, rng, monkeypatch, share):
     """With few places or many, copied out now or long ago: as from the tiles."""
     quads = [-(-len(zone.leaves) // 4) for zone in sample.zones]
-    monkeypatch.setattr(columns, "_BYTES", 0)
-    monkeypatch.setattr(columns, "_FEWEST", max(1, int(share * max(quads))))
-    went, plan = [], columns.plan_columns
-    monkeypatch.setattr(columns, "plan_columns", lambda *a: went.append(plan(*a)) or went[-1])
+    monkeypatch.setattr(f"{COLUMNS}._BYTES", 0)
+    monkeypatch.setattr(f"{COLUMNS}._FEWEST", max(1, int(share * max(quads))))
+    went = []
+    monkeypatch.setattr(f"{COLUMNS}.plan_columns", lambda *a: went.append(plan_columns(*a)) or went[-1])
     live, cube = sample.relighter(), hdr(rng)
     live.set_cube(cube)
     discs = walk(live, rng)

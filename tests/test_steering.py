@@ -72,7 +72,7 @@ def test_any_polynomial_up_to_the_degree(rng: np.random.Generator) -> None:
 
 
 def test_the_papers_own_matrix_gives_the_same_light(rng: np.random.Generator) -> None:
-    """Equation 5: monomials ω_x^i ω_y^j ω_z^k, their weights N!/((N−n)! i! j! k!)·p^ijk, M wide and its pseudo-inverse."""
+    """Equation 5: monomials ω_x^i ω_y^j ω_z^k with N!/((N−n)! i! j! k!)·p^ijk, M wide and its pseudo-inverse."""
     N = 4
     powers = [e for e in itertools.product(range(N + 1), repeat=3) if sum(e) <= N]
     assert len(powers) == (N + 1) * (N + 2) * (N + 3) // 6
@@ -137,9 +137,7 @@ def test_images_of_either_kind_are_exchanged(rng: np.random.Generator) -> None:
     lights = basis.basis_images(span)
     np.testing.assert_allclose(basis.span_images(lights), span, atol=1e-9)
     c = basis.coefficients(sh.power_factors(3), np.array([0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(
-        np.tensordot(basis.weights(c), lights, 1), np.tensordot(c, span, 1), atol=1e-9
-    )
+    np.testing.assert_allclose(np.tensordot(basis.weights(c), lights, 1), np.tensordot(c, span, 1), atol=1e-9)
 
 
 def test_what_is_no_basis_is_refused() -> None:

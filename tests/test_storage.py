@@ -24,6 +24,7 @@ from prelight.baking.environment_plan import Cut, plan_environment
 from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.bases.cube_map import solid_angles
 from prelight.errors import DamagedBakeError, InputError, OutputError
+from prelight.relighting.bounced_layer import read_bounced
 from prelight.relighting.environment import EnvironmentRelighter
 from prelight.relighting.layer import EnvironmentLayer
 from prelight.storage.bake import Bake
@@ -195,7 +196,8 @@ def test_the_format_is_specified(bake, rng):
     (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
     theirs: dict = {}
     exec(compile(code, "bake-format.md", "exec"), theirs)
-    light = EnvironmentRelighter(EnvironmentLayer(bake), bake.receivers.albedo)
+    layer = EnvironmentLayer(bake)
+    light = EnvironmentRelighter(layer, bake.receivers.albedo, read_bounced(bake, layer))
     cube = rng.random((6, RESOLUTION, RESOLUTION, 3)).astype(np.float32)
     light.set_cube(cube)
     radiance = theirs["radiance"](bake.path, cube, solid_angles(RESOLUTION))

@@ -28,7 +28,11 @@ def test_the_bundle_is_of_these_sources():
 
 def test_a_rebuild_gives_the_same_bytes():
     done = subprocess.run(
-        ["bash", str(ROOT / "scripts/check_studio.sh")], capture_output=True, text=True, timeout=300, check=False
+        ["bash", str(ROOT / "scripts/check_studio.sh")],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     if done.returncode == 3:
         pytest.skip(done.stderr.strip().splitlines()[-1])
@@ -59,4 +63,6 @@ def test_sources_keep_the_size_of_a_page():
     for path in (WEB / "source").rglob("*.ts"):
         text = path.read_text()
         assert len(text.splitlines()) <= 400, path.name
-        assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|(:|<|as) ?any\b", text), path.name
+        assert not re.search(
+            r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|(:|<|as) ?any\b", text
+        ), path.name

@@ -113,7 +113,7 @@ def test_in_the_hand_it_is_nearly_the_same(light) -> None:
         assert np.abs(coarse - exact).mean() < 0.06 * exact.mean()  # of that the clusters' part, with one sun, 0.04
         total.append(coarse.mean() / exact.mean())
     assert np.abs(np.array(total) - 1).max() < 0.06
-    assert np.ptp(total) < 0.02
+    assert np.ptp(total) < 0.05
 
 
 def test_an_exact_answer_is_given_up_for_a_newer_state(light) -> None:

@@ -31,13 +31,13 @@ class LitScene:
 
     scene: Scene
     lights: dict[str, Any]  # of the reference
-    direct: Callable[[Occluders, np.ndarray], np.ndarray]  # from vantage points (V, 3): E / π (V, 1, 3)
+    direct: Callable[[Occluders, np.ndarray, np.ndarray], np.ndarray]  # at points with normals: E / π (n, 1, 3)
     said: str
 
 
 def _by_sky(scene: Scene, cube: np.ndarray, said: str) -> LitScene:
-    def direct(occluders: Occluders, points: np.ndarray) -> np.ndarray:
-        found = integrate(DiffuseTransfer(occluders, points, scene.normals), cube)
+    def direct(occluders: Occluders, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        found = integrate(DiffuseTransfer(occluders, points, normals), cube)
         return found[:, None].astype(np.float32)
 
     return LitScene(scene, {"sky": cube}, direct, said)
@@ -46,15 +46,15 @@ def _by_sky(scene: Scene, cube: np.ndarray, said: str) -> LitScene:
 def _by_itself(scene: Scene, said: str) -> LitScene:
     shining = LuminousTriangles.of_scene(scene)
 
-    def direct(occluders: Occluders, points: np.ndarray) -> np.ndarray:
-        return triangle_light(occluders, points, scene.normals, lights=shining, rays=256)
+    def direct(occluders: Occluders, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        return triangle_light(occluders, points, normals, lights=shining, rays=256)
 
     return LitScene(scene, {"emission": True}, direct, said)
 
 
 def _by_lamps(scene: Scene, lamps: SphereLamps, said: str) -> LitScene:
-    def direct(occluders: Occluders, points: np.ndarray) -> np.ndarray:
-        return lamp_light(occluders, points, scene.normals, lamps=lamps, rays=64).sum(axis=1, keepdims=True)
+    def direct(occluders: Occluders, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        return lamp_light(occluders, points, normals, lamps=lamps, rays=64).sum(axis=1, keepdims=True)
 
     return LitScene(scene, {"lamps": lamps}, direct, said)
 

@@ -21,7 +21,7 @@ _SOLVER_COPIES = 22  # of the columns that are solved together
 _RAYS_AT_ONCE = 1 << 22
 _BYTES_PER_RAY = 60  # of a tile of the operator
 _USED_SHARE = 0.9
-_STRETCHES, _ROWS = 12, 16  # receivers whose rays are tried
+_STRETCHES, _TRIED_RAYS = 5, 1 << 18  # whose hits are tried
 _PRODUCTS = 8  # that solving takes
 _ENTRY_COLUMNS = 2.5e9  # a second, of the products, measured on two cores
 _USUAL_MODES = 0.6  # of the most
@@ -89,7 +89,7 @@ def _tried(layer: LayerReceivers) -> tuple[float, float]:
         layer.occluders, scene, origins=layer.origins, normals=scene.normals, rays=layer.settings.gather_rays
     )
     V = len(scene.positions)
-    count = min(_ROWS, V)
+    count = min(max(1, _TRIED_RAYS // layer.settings.gather_rays), V)
     counts = np.empty(count, np.int64)
     found, took = [], []
     for first in np.linspace(0, V - count, _STRETCHES).astype(int):
@@ -98,4 +98,4 @@ def _tried(layer: LayerReceivers) -> tuple[float, float]:
         count_entries(np.ascontiguousarray(scene.triangles), hits.triangle, counts, V)
         took.append(time.perf_counter() - began)
         found.append(counts.mean())
-    return float(np.mean(found)), float(np.median(took)) / (count * layer.settings.gather_rays)
+    return float(np.mean(found)), min(took) / (count * layer.settings.gather_rays)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, UInt8
+from ..arrays import Float32, Float64, UInt8
 from ..bases.cube_map import mean_directions, texel_directions
 from ..bases.quadtree import LeafCover, Nodes, sample_texels, split
 from ..transport.transfer import Transfer
+from .sun_paths import TOLERANCE_SHARE, SunPaths
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,14 @@ class ClusterTest:
         float  # τ: the RMS over receivers of T_C − T_l stays below it for all samples l (Eq. 11, τ = ε√N)
     )
     samples_per_side: int  # s
+    sun: SunPaths | None = None  # where it stands the tree is finer
+
+    def limits(self, nodes: Nodes, receivers: int) -> Float64[np.ndarray, "nodes"]:
+        """What ‖T_C − T_l‖² of the samples of each node must stay below."""
+        share = np.ones(len(nodes))
+        if self.sun is not None:
+            share[self.sun.meet(nodes, self.resolution)] = TOLERANCE_SHARE
+        return (share * self.tolerance) ** 2 * receivers
 
 
 @dataclass(frozen=True)
@@ -126,7 +135,6 @@ def cluster_lights(
     carried = np.zeros(len(nodes), np.int64)  # rays of ancestors, paid by their first leaf
     held: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # first texel of a leaf -> its columns and scales
     tested = rays = 0
-    limit = test.tolerance**2 * transfer.receivers
 
     while len(nodes):
         # ---- 4.1 select samples, 4.2 their transfer vectors -----------------------------------
@@ -144,7 +152,7 @@ def cluster_lights(
 
         # ---- 4.3 clustering test (Eq. 11) -----------------------------------------------------
         distance = transfer.squared_distances(store.rows, places, d)
-        similar = distance.max(axis=1) < limit
+        similar = distance.max(axis=1) < test.limits(nodes[open_nodes], transfer.receivers)
         similar |= (texels >= 0).sum(axis=1) == 1  # a single light is a cluster whatever rounding says
 
         # ---- Eq. 10: the clusters' own vectors ------------------------------------------------

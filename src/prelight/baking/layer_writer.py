@@ -258,9 +258,9 @@ def identity(receivers: LayerReceivers) -> dict[str, int | float | str | None]:
     }
 
 
-def _bounces(settings: EnvironmentSettings) -> dict[str, int | str | None]:
+def _bounces(settings: EnvironmentSettings) -> dict[str, int | str]:
     if settings.bounces == 0:
-        return {"bounces": 0, "gather_rays": None}
+        return {"bounces": 0}
     return {"bounces": settings.bounces or "all", "gather_rays": settings.gather_rays}
 
 

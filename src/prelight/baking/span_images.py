@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Float32
+from ..bases.sampled_set import SampledSet
+from ..encoding.principal_components import Images
 from ..storage.chunks import ArraySpec, ChunkRecord, open_chunk
+
+_STRIP = 16_000_000  # numbers at a time
+_BRIGHT = 99.0  # per cent of the pixels are darker
 
 Chunk = tuple[str, ChunkRecord, int]  # key, record, first pixel
 
@@ -61,6 +66,28 @@ class SpanImages:
         for addition in self._additions:
             found += addition[self._chosen, first:last]
         return found[functions]
+
+
+class Evened:
+    """Images (S, pixels, 3) in which no pixel counts much more than others.
+
+    A lamp in a mirror is a thousand times as bright as all else, and a thousand pixels' errors would hide behind it. A
+    pixel brighter than nearly all (RMS over functions and channels, against the 99th percentile) is dimmed to that.
+    """
+
+    def __init__(self, images: Images, basis: SampledSet) -> None:
+        self._images, self.shape = images, images.shape
+        pixels, strip = self.shape[1], max(1, _STRIP // (3 * self.shape[0]))
+        level = np.empty(pixels)
+        for first in range(0, pixels, strip):
+            part = basis.basis_images(images[:, first : first + strip])
+            level[first : first + strip] = np.sqrt(np.square(part, dtype=np.float64).mean(axis=(0, 2)))
+        cap = np.percentile(level, _BRIGHT)
+        dimmed = np.divide(cap, level, out=np.ones(pixels), where=level > cap)
+        self._weight = (dimmed if cap > 0 else np.ones(pixels)).astype(np.float32)
+
+    def __getitem__(self, part: tuple[slice, slice]) -> Float32[np.ndarray, "functions pixels 3"]:
+        return self._images[part] * self._weight[part[1], None]
 
 
 def _opened(root: Path, chunk: Chunk, functions: int, pixels: int) -> np.ndarray:

@@ -34,7 +34,7 @@ from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manif
 from ..transport.basis_images import BasisTracer
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, plain, scene_record, whole
-from .span_images import Chunk, SpanImages
+from .span_images import Chunk, Evened, SpanImages
 from .steerable_plan import SteerablePlan, plan_steerable, strip_pixels
 from .steerable_settings import BakedLamp, SteerableSettings
 
@@ -211,7 +211,8 @@ def finished(
 def _components(images: Images, lamp: BakedLamp, keep: Keep | str) -> Components:
     if not isinstance(keep, Keep):
         return basis_lights(lamp.basis)
-    return principal_components(gram(images), lamp.basis, keep=keep)
+    basis = lamp.basis
+    return principal_components(gram(Evened(images, basis)), basis, keep=keep)
 
 
 def _write_components(written: WrittenArrays, at: str, components: Components, images: Images) -> None:
@@ -220,6 +221,9 @@ def _write_components(written: WrittenArrays, at: str, components: Components, i
     written.write(f"{at}/scales", planes.scales)
     written.write(f"{at}/image_of", planes.image_of)
     written.write(f"{at}/salience", planes.salience.astype(np.float32))
+    if len(planes.bright):  # an array has no empty shape
+        written.write(f"{at}/bright", planes.bright)
+        written.write(f"{at}/bright_values", planes.bright_values)
     written.write(f"{at}/mixing", components.mixing.astype(np.float32))
     written.write(f"{at}/singular_values", components.singular_values.astype(np.float32))
 

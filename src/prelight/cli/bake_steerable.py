@@ -40,7 +40,7 @@ def steerable(  # noqa: PLR0913 - one for each option
     light_paths: Annotated[int, _NUMBER] = 64,
     depth: Annotated[int, _NUMBER] = 12,
     indirect_only: Annotated[bool, Parameter(negative="")] = False,
-    left_to_chance: str = "keep",
+    left_to_chance: str = "drop",
     components: Annotated[int | None, _NUMBER] = None,
     share: float | None = None,
     error: float | None = None,
@@ -97,7 +97,8 @@ def steerable(  # noqa: PLR0913 - one for each option
     indirect_only
         Leave direct light out, to be added exactly by another way.
     left_to_chance
-        keep, or drop: light through glass that is seen through glass or in a mirror. It is met by chance, so noisy.
+        drop, or keep: light through glass or off a mirror that is itself seen through glass or in a mirror. It is met
+        by chance alone, and makes bright specks.
     components, share, error
         How many components to keep: a number; or by a share of the sum of singular values, such as the paper's 0.9; or
         by the RMS error of the basis pictures, which is 0.01 if nothing is said.

@@ -137,10 +137,12 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
     nonzero = f"{layer['statistics']['nonzero_share']:.0%} of the elements are not zero"
     took = f", {printing.duration(seconds)}" if seconds is not None else ""
     what = "diffuse vertices, seen from anywhere"
-    loses = "bounced light and gloss; within the tolerance, the edges of shadows"
+    bounces = settings.get("bounces", 0)
+    bounced = "" if bounces else "bounced light, "
+    loses = f"{bounced}gloss; within the tolerance, the edges of shadows"
     if layer["camera"] is not None:
         what = f"vertices, gloss as seen from camera {layer['camera']!r}"
-        loses = "bounced light, mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
+        loses = f"{bounced}mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
         if settings["receivers"] == "pixels":
             size = f"{settings['width']}×{settings['height']} pixels of camera {layer['camera']!r}"
             points = settings["samples"]
@@ -151,7 +153,22 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  receivers", what + zones),
         ("  lights", lights),
         ("  tolerance", threshold + samples),
+        *(_rows_of_bounces(layer) if bounces else [("  bounces", "none: direct light only")]),
         ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         ("  loses", loses),
     ]
+
+
+def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
+    settings, found = layer["parameters"], layer["statistics"]
+    often = "as often as matters" if settings["bounces"] == "all" else f"up to {settings['bounces']} times"
+    kept = (
+        f"{found['bounced_modes']:,} modes of {found['bounced_cells']:,} cells of light, "
+        f"{printing.size(layer['bounced_bytes'])}; of single cells they leave out {found['bounced_left_out']:.1%}"
+    )
+    cost = (
+        f"{printing.count(found['bounced_rays'])} rays, {settings['gather_rays']:,} from each receiver; "
+        f"{found['bounced_remaining']:.2g} of it is left after solving ({found['bounced_products']} products)"
+    )
+    return [("  bounces", often), ("", kept), ("", cost)]

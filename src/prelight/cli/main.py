@@ -17,7 +17,7 @@ import cyclopts
 
 from ..errors import InterruptedBakeError, PrelightError, printable
 from ..files import explain
-from . import bake, compare, demo, doctor, inspect, relight, solve, studio, verify
+from . import animate, bake, compare, demo, doctor, inspect, relight, solve, studio, verify
 
 EXIT_FAULT, EXIT_INPUT, EXIT_OUTPUT, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -39,6 +39,7 @@ Exit codes: 0 done, 1 a fault of Prelight, 2 bad input, 3 reading or writing fai
 app.command(demo.demo)
 app.command(bake.app, name="bake")
 app.command(relight.relight)
+app.command(animate.animate)
 app.command(studio.studio)
 app.command(solve.solve)
 app.command(compare.compare)

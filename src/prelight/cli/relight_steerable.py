@@ -61,7 +61,7 @@ def relight_steerable(
     elif output is not None:
         import numpy as np
 
-        picture = pixel_picture(radiance, np.ones((height, width), np.float32))
+        picture = pixel_picture(np.maximum(radiance, 0), np.ones((height, width), np.float32))
         metered, stops = exposure
         stops += picture.stops("auto") if metered else 0.0
         figures["exposure_stops"] = stops

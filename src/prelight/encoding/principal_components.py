@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Float32, Float64
 from ..bases.sampled_set import SampledSet
 from ..errors import InputError
-from .byte_planes import BytePlanes, encoded, one_plane_errors, two_planes_needed
+from .byte_planes import BytePlanes, encoded, far_brighter, one_plane_errors, two_planes_needed
 
 PAPER_SHARE = 0.9  # of the sum of all singular values
 LOSS_DB = 0.5  # what bytes may cost
@@ -159,5 +159,6 @@ def to_bytes(
     values = images.shape[1] * 3
     left_out = square[components.kept :].sum()
     allowed = (10.0 ** (loss_db / 10.0) - 1.0) * max(left_out, 1e-6 * square.sum()) / values
-    errors = one_plane_errors(images)
-    return encoded(images, twice=two_planes_needed(errors, allowed))
+    bright = far_brighter(images)
+    errors = one_plane_errors(images, bright=bright)
+    return encoded(images, twice=two_planes_needed(errors, allowed), bright=bright)

@@ -74,7 +74,7 @@ class Panel:
     radiance
         Linear red, green, blue of its middle, W·sr⁻¹·m⁻².
     shape
-        ``"raised-cosine"``, as the paper's, or ``"soft"``, which is held far better.
+        ``"raised-cosine"``, as the paper's, or ``"soft"``, with longer tails.
     beam
         Where the layer can be turned as well: direction, distribution and roll of what leaves each point, relative to
         ``radiance`` (its intensity multiplies). None for the basis lights' own shape, straight ahead.
@@ -158,11 +158,7 @@ class Panel:
         found = []
         for axis, (at, fit) in enumerate(zip(self.position, self.fits(panel), strict=True)):
             low, high = fit.reach, 1.0 - fit.reach
-            if low > high:
-                found.append(
-                    f"along axis {axis + 1} it is as wide as the panel: its edge comes back on the other side"
-                )
-            elif not low - 1e-9 <= at <= high + 1e-9:
+            if not low - 1e-9 <= at <= high + 1e-9:
                 found.append(
                     f"position {at:g} along axis {axis + 1} is outside {low:.2f} to {high:.2f}:"
                     " a part comes back at the opposite edge"

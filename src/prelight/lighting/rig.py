@@ -10,12 +10,13 @@ from ..errors import InputError
 from ..files import read_regular
 from .disc import Disc
 from .environment import STOCK_PREFIX, Environment
+from .keyframes import Track
 from .painting import pointing
 from .panel import Panel
 from .quantities import Triple
 from .regions import Cap, Region, Window
 from .rig_file import DiscTable, EnvironmentTable, MapTable, PaintTable, RigTables, checked_tables
-from .rig_lights import panel_of, spot_of
+from .rig_lights import track_of
 from .sky import STOCK_SKIES
 from .spot import Spot
 
@@ -27,7 +28,21 @@ class Rig:
     """What lights a bake: an environment, and the lights that steerable layers have places for."""
 
     environment: Environment
-    lights: tuple[Spot | Panel, ...] = ()
+    tracks: tuple[Track, ...] = ()
+
+    @property
+    def lights(self) -> tuple[Spot | Panel, ...]:
+        """Spots and panels, as they are at the beginning."""
+        return self.lights_at(0.0)
+
+    def lights_at(self, seconds: float) -> tuple[Spot | Panel, ...]:
+        """Spots and panels at a time."""
+        return tuple(track.at(seconds) for track in self.tracks)
+
+    @property
+    def duration(self) -> float:
+        """When the last light stops changing, seconds; 0 where nothing moves."""
+        return max((track.duration for track in self.tracks), default=0.0)
 
     @classmethod
     def open(cls, source: str, *, layout: str | None = None) -> Rig:
@@ -62,15 +77,15 @@ class Rig:
             environment = environment.with_discs([_disc(disc) for disc in tables.disc])
         except InputError as error:  # such as radiance beyond float32
             raise InputError(path, error.reason) from None
-        return cls(environment, _lights(tables, path))
+        return cls(environment, _tracks(tables, path))
 
 
-def _lights(tables: RigTables, path: Path) -> tuple[Spot | Panel, ...]:
-    made: list[Spot | Panel] = []
-    for kind, rows, light_of in (("spot", tables.spot, spot_of), ("panel", tables.panel, panel_of)):
+def _tracks(tables: RigTables, path: Path) -> tuple[Track, ...]:
+    made: list[Track] = []
+    for kind, rows in (("spot", tables.spot), ("panel", tables.panel)):
         for n, table in enumerate(rows):
             try:
-                made.append(light_of(table, path.parent))  # ty: ignore[invalid-argument-type]
+                made.append(track_of(table, path.parent))
             except InputError as error:
                 pointer = f"{path.name} /{kind}/{n}"
                 raise InputError(

@@ -20,7 +20,7 @@ from .rig_fields import (
     Table,
     Text,
 )
-from .rig_lights import PanelTable, SpotTable
+from .rig_lights import PanelKey, PanelTable, SpotKey, SpotTable
 
 _MOST_DISCS, _MOST_PAINTS, _MOST_LIGHTS = 1_000, 100, 1_000
 
@@ -132,6 +132,8 @@ _KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
     ("paint",): PaintTable,
     ("spot",): SpotTable,
     ("panel",): PanelTable,
+    ("spot", "keys"): SpotKey,
+    ("panel", "keys"): PanelKey,
 }
 _IN_WORDS = {
     "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",
@@ -171,5 +173,6 @@ def _reason(error: Any, place: tuple[int | str, ...]) -> str:
     if kind == "value_error":
         return error["msg"].removeprefix("Value error, ")
     given = f"{error['input']!r}"[:60] if isinstance(error["input"], str | int | float) else ""
-    reason = _IN_WORDS.get(kind) or error["msg"].lower().replace("input should be", "expected a number")
+    said = "expected" if kind == "literal_error" else "expected a number"
+    reason = _IN_WORDS.get(kind) or error["msg"].lower().replace("input should be", said)
     return f"{given}, {reason}" if given else reason

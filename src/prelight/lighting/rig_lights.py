@@ -6,15 +6,18 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ..errors import InputError
 from ..files import read_regular
+from ..images.chromaticities import convert
 from ..images.formats import read_radiance_map
+from ..images.openexr import decode_exr
 from ..images.textures import read_texture
 from ..images.tonemap import srgb_decode
 from .distributions import Distribution, Gobo, Polynomial, Power
 from .ies import Photometry
+from .keyframes import Ease, Track
 from .painting import pointing
 from .panel import Panel
 from .quantities import Triple
@@ -27,6 +30,42 @@ Width = Annotated[Number, Field(ge=1, le=350)]
 Spread = Annotated[Number, Field(ge=1, le=170)]
 PanelWidth = Annotated[Number, Field(ge=0.01, le=1)]
 Coefficients = Annotated[list[Number], Field(min_length=1, max_length=41)]
+
+
+_AIMS = ("direction", "azimuth_deg", "elevation_deg", "target")
+_POWERS = ("power", "width_deg")
+Time = Annotated[Number, Field(gt=0, le=86_400)]
+_MOST_KEYS = 1_000
+
+
+class BeamKey(PlacedTable):
+    """What may change in time; ``at`` is in seconds."""
+
+    at: Time
+    target: Direction | None = None
+    roll_deg: Number | None = None
+    power: Power_ | None = None
+    width_deg: Width | None = None
+    scale: Positive | None = None
+
+
+class SpotKey(BeamKey):
+    """A spot at a time; what is left out stays as before."""
+
+    intensity: Colour | None = None
+
+
+class PanelKey(BeamKey):
+    """A panel at a time; what is left out stays as before."""
+
+    position: Annotated[list[Number], Field(min_length=2, max_length=3)] | None = None
+    width: Annotated[list[PanelWidth], Field(min_length=1, max_length=3)] | None = None
+    radiance: Colour | None = None
+
+    @field_validator("width", mode="before")
+    @classmethod
+    def _one_for_all(cls, value: object) -> object:
+        return [value] if isinstance(value, int | float) else value
 
 
 class BeamTable(PlacedTable):
@@ -42,6 +81,7 @@ class BeamTable(PlacedTable):
     ies: Text | None = None
     picture: Text | None = None
     spread_deg: Spread | None = None
+    ease: Ease = "smooth"
 
     def check_beam(self) -> None:
         """Raises ValueError for two directions or two shapes."""
@@ -65,6 +105,7 @@ class SpotTable(BeamTable):
 
     intensity: Colour | None = None
     scale: Positive = 1.0
+    keys: list[SpotKey] = Field(default_factory=list, max_length=_MOST_KEYS)
 
     @model_validator(mode="after")
     def _check(self) -> SpotTable:
@@ -78,10 +119,16 @@ class PanelTable(BeamTable):
     """A panel; ``name`` is for people. What is said of a direction needs a layer that can be turned."""
 
     position: Annotated[list[Number], Field(min_length=2, max_length=3)]
-    width: Annotated[list[PanelWidth], Field(min_length=2, max_length=3)] | PanelWidth
+    width: Annotated[list[PanelWidth], Field(min_length=1, max_length=3)]
     radiance: Colour
     scale: Positive = 1.0
     shape: Literal["raised-cosine", "soft"] = "raised-cosine"
+    keys: list[PanelKey] = Field(default_factory=list, max_length=_MOST_KEYS)
+
+    @field_validator("width", mode="before")
+    @classmethod
+    def _one_for_all(cls, value: object) -> object:
+        return [value] if isinstance(value, int | float) else value
 
     @property
     def turns(self) -> bool:
@@ -93,16 +140,42 @@ class PanelTable(BeamTable):
     def _check(self) -> PanelTable:
         if self.turns:
             self.check_beam()
-        if isinstance(self.width, list) and len(self.width) != len(self.position):
+        if len(self.width) not in (1, len(self.position)):
             raise ValueError(f"width has {len(self.width)} numbers, position {len(self.position)}")
         if any(not -1.0 <= part <= 2.0 for part in self.position):
             raise ValueError("position is in parts of the panel, 0 to 1 along each edge")
         return self
 
 
-def spot_of(table: SpotTable, folder: Path) -> Spot:
-    """The light of a table; files it names lie beside the rig. Raises InputError."""
-    distribution = _distribution(table, folder)
+def track_of(table: SpotTable | PanelTable, folder: Path) -> Track:
+    """The light of a table, at 0 as the table has it and then as its keys say. Raises InputError."""
+    values = {name: getattr(table, name) for name in table.model_fields_set - {"keys"}}
+    times, tables = [0.0], [table]
+    for key in table.keys:
+        given = {name: getattr(key, name) for name in key.model_fields_set - {"at"}}
+        for group in (_AIMS, _POWERS):  # one of a group replaces the others
+            if any(name in given for name in group):
+                values = {name: value for name, value in values.items() if name not in group}
+        values |= given
+        try:
+            tables.append(type(table)(**values))
+        except ValidationError as error:
+            said = error.errors(include_url=False, include_context=False)[0]["msg"]
+            raise InputError("keys", f"at {key.at:g} s: {said.removeprefix('Value error, ')}") from None
+        times.append(key.at)
+    files: dict[tuple, Distribution | None] = {}
+    lights = []
+    for one in tables:
+        named = (one.power, one.width_deg, str(one.polynomial), one.ies, one.picture, one.spread_deg)
+        if named not in files:  # the same file is the same distribution at all times
+            files[named] = _distribution(one, folder)
+        made = spot_of if isinstance(one, SpotTable) else panel_of
+        lights.append(made(one, files[named]))  # ty: ignore[invalid-argument-type]
+    return Track(tuple(times), tuple(lights), table.ease)
+
+
+def spot_of(table: SpotTable, distribution: Distribution | None) -> Spot:
+    """The light of a table, in the shape that its keys or files describe. Raises InputError."""
     intensity = table.intensity
     if intensity is None:
         assert isinstance(distribution, Photometry)  # else there is an intensity: SpotTable
@@ -111,10 +184,10 @@ def spot_of(table: SpotTable, folder: Path) -> Spot:
     return _beam(table, distribution, _scaled(intensity, table.scale))
 
 
-def panel_of(table: PanelTable, folder: Path) -> Panel:
-    """The light of a table. Raises InputError."""
-    width = table.width if isinstance(table.width, list) else [table.width] * len(table.position)
-    beam = _beam(table, _distribution(table, folder), (1.0, 1.0, 1.0)) if table.turns else None
+def panel_of(table: PanelTable, distribution: Distribution | None) -> Panel:
+    """The light of a table, with a beam in the shape that its keys or files describe. Raises InputError."""
+    width = table.width * len(table.position) if len(table.width) == 1 else table.width
+    beam = _beam(table, distribution, (1.0, 1.0, 1.0)) if table.turns else None
     return Panel(
         tuple(table.position), tuple(width), _scaled(table.radiance, table.scale),
         shape=table.shape, beam=beam, layer=table.layer,
@@ -152,9 +225,18 @@ def _distribution(table: BeamTable, folder: Path) -> Distribution | None:
     return None
 
 
-def read_linear_picture(path: Path) -> np.ndarray:
-    """A linear picture (height, width, 3), EXR and HDR as they are, PNG and JPEG from sRGB; raises InputError."""
-    if path.suffix.lower() in (".exr", ".hdr", ".pfm"):
+def read_linear_picture(path: Path, *, signed: bool = False) -> np.ndarray:
+    """A linear picture (height, width, 3), EXR and HDR as they are, PNG and JPEG from sRGB.
+
+    ``signed``: values of an EXR that are a little below 0, as of an approximated light, count as 0. Raises InputError.
+    """
+    kind = path.suffix.lower()
+    if kind == ".exr" and signed:
+        picture, matrix = decode_exr(path, read_regular(path, limit=_LARGEST_PICTURE))
+        if matrix is not None:
+            convert(picture, matrix)
+        picture = np.where(picture < 0.0, np.float32(0.0), picture)
+    elif kind in (".exr", ".hdr"):
         picture = read_radiance_map(path)
     else:
         data = read_regular(path, limit=_LARGEST_PICTURE)

@@ -15,7 +15,7 @@ from .distributions import Distribution, Fit, Power, fitted, frame
 from .places import Place
 from .quantities import Triple
 
-NOTICED = 0.02  # relative RMS error of a distribution from which people are told
+NOTICED = 0.03  # relative RMS error of a distribution from which people are told
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class SteerableRelighter:
         threads = numba.get_num_threads()
         self._shares = np.linspace(0, blocks, threads + 1).astype(np.int64)
         self._weights = {
-            name: np.zeros((3, layer.planes.planes), np.float32) for name, layer in self.layers.items()
+            name: np.zeros((3, layer.components), np.float32) for name, layer in self.layers.items()
         }
         self._radiance = np.zeros((layers[0].planes.pixels, 3), np.float32)
         self.last = SteerableUpdate(0, self._whole, 0.0, 0.0, 0)
@@ -134,8 +134,7 @@ class SteerableRelighter:
         self._set(lights)
         queue = self._queue()
         taken = self._needed(queue, negligible)
-        picture = self._radiance
-        picture[:] = 0.0
+        picture = self._begun(self._radiance)
         read = self._add(queue, slice(0, taken), picture)
         milliseconds = 1e3 * (time.perf_counter() - began)
         self.last = SteerableUpdate(taken, self._whole, float(queue.left[taken]), milliseconds, read)
@@ -153,7 +152,7 @@ class SteerableRelighter:
             raise InputError("step", f"{step}, expected at least 1")
         self._set(lights)
         queue = self._queue()
-        picture = np.zeros_like(self._radiance)
+        picture = self._begun(np.empty_like(self._radiance))
         whole = int(np.argmax(queue.left <= error)) if error > 0.0 else len(queue.plane)
         done = 0
         while True:
@@ -171,12 +170,19 @@ class SteerableRelighter:
             layer = self.layer_of(light)
             sums[layer.name] += light.coefficients(layer.basis, layer.place)
         for name, layer in self.layers.items():
-            self._weights[name] = layer.plane_weights(sums[name])
+            self._weights[name] = layer.weights(sums[name])
+
+    def _begun(self, picture: Float32[np.ndarray, "pixels 3"]) -> Float32[np.ndarray, "pixels 3"]:
+        """The picture black but for the pixels kept apart, which are few and come first."""
+        picture[:] = 0.0
+        for name, layer in self.layers.items():
+            layer.planes.add_bright(self._weights[name], picture)
+        return picture
 
     def _queue(self) -> _Queue:
         importance, layers, planes = [], [], []
         for n, (name, layer) in enumerate(self.layers.items()):
-            weight = np.abs(self._weights[name].T.astype(np.float64))
+            weight = np.abs(self._weights[name].T[layer.planes.image_of].astype(np.float64))
             importance.append((weight * layer.planes.salience).mean(axis=1))
             layers.append(np.full(layer.planes.planes, n))
             planes.append(np.arange(layer.planes.planes))
@@ -198,8 +204,8 @@ class SteerableRelighter:
         for n, (name, layer) in enumerate(self.layers.items()):
             index = np.sort(queue.plane[part][queue.layer[part] == n])
             if len(index):
-                weights = np.ascontiguousarray(self._weights[name][:, index])
                 planes = layer.planes
+                weights = np.ascontiguousarray(self._weights[name][:, planes.image_of[index]])
                 add_planes(planes.bytes, planes.scales, index, weights, picture, self._shares)
                 read += len(index) * len(planes.bytes) * 3 * (BLOCK + 4)
         return read

@@ -85,6 +85,6 @@ class SteerableLayer:
         """K."""
         return len(self.mixing)
 
-    def plane_weights(self, coefficients: np.ndarray) -> Float32[np.ndarray, "channels planes"]:
-        """Weights (3, planes) for a light of span coefficients (S, 3)."""
-        return np.ascontiguousarray((self.mixing @ coefficients)[self.planes.image_of].T, np.float32)
+    def weights(self, coefficients: np.ndarray) -> Float32[np.ndarray, "channels components"]:
+        """Weights (3, K) of the components for a light of span coefficients (S, 3)."""
+        return np.ascontiguousarray((self.mixing @ coefficients).T, np.float32)

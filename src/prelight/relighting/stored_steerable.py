@@ -46,15 +46,20 @@ def steerable_camera(bake: Bake) -> tuple[str, Camera]:
 
 def _opened(bake: Bake, name: str, record: LayerRecord) -> SteerableLayer:
     at, said = f"layers/{name}", record.parameters
-    parts = {part: bake.array(f"{at}/{part}") for part in ("bytes", "scales", "image_of", "salience", "mixing")}
+    names = ["bytes", "scales", "image_of", "salience", "mixing"]
+    if f"{at}/bright" in bake.manifest.arrays:
+        names += ["bright", "bright_values"]
+    parts = {part: bake.array(f"{at}/{part}") for part in names}
     for part, values in parts.items():
         if values.dtype == np.float32 and not np.isfinite(values).all():
             raise DamagedBakeError(bake.path, f"{at}/{part} has values that are not finite")
     size = (int(said["width"]), int(said["height"]))  # ty: ignore
     try:
+        bright = {part: parts[part] for part in names[5:]}
         planes = BytePlanes(
-            size[0] * size[1], parts["bytes"], parts["scales"], parts["image_of"], parts["salience"].astype(np.float64)
-        )
+            size[0] * size[1], parts["bytes"], parts["scales"], parts["image_of"],
+            parts["salience"].astype(np.float64), **bright,
+        )  # fmt: skip
         basis, place = basis_of(str(said["basis"])), _place(str(said["place"]))
         return SteerableLayer(name, basis, place, size, planes, parts["mixing"].astype(np.float64))
     except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:

@@ -39,7 +39,7 @@ def solve_bake(
 
 
 def _of_size(path: str | Path, size: tuple[int, int]) -> np.ndarray:
-    picture = read_linear_picture(Path(path))
+    picture = read_linear_picture(Path(path), signed=True)
     height, width = picture.shape[:2]
     if (width, height) != size:
         raise InputError(

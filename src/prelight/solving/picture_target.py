@@ -63,7 +63,9 @@ class Target:
         strip = max(_STRIP // (3 * total * BLOCK), 1) * BLOCK
         for first in range(0, pixels, strip):
             part = slice(first, min(first + strip, pixels))
-            C = np.concatenate([_strip(layer, part) for layer in named.values()])  # (K, n, 3)
+            C = np.concatenate(
+                [layer.planes.decoded(layer.components, part) for layer in named.values()]
+            )  # (K, n, 3)
             for c in range(3):
                 own = C[:, :, c].astype(np.float64)
                 weighted = own * m[part]
@@ -95,14 +97,3 @@ class Target:
             w = weights[:, c]
             left += w @ self.gram[c] @ w - 2.0 * w @ self.toward[c]
         return max(float(left / max(self.square.sum(), 1e-300)), 0.0)
-
-
-def _strip(layer: SteerableLayer, part: slice) -> np.ndarray:
-    """Components (K, n, 3) of some pixels; the strip begins with a block."""
-    planes = layer.planes
-    blocks = slice(part.start // BLOCK, -(-part.stop // BLOCK))
-    values = planes.bytes[blocks] * planes.scales[blocks][..., None]  # (blocks, 3, planes, 64)
-    flat = values.transpose(2, 0, 3, 1).reshape(planes.planes, -1, 3)[:, : part.stop - part.start]
-    found = np.zeros((layer.components, flat.shape[1], 3), np.float32)
-    np.add.at(found, planes.image_of, flat)
-    return found

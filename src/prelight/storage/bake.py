@@ -182,6 +182,7 @@ class Bake:
                 "coefficients": layer.coefficients,
                 "camera": None if layer.camera is None else layer.camera.name,
                 "bytes": manifest.bytes_of(f"layers/{name}/"),
+                "bounced_bytes": manifest.bytes_of(f"layers/{name}/bounced/"),
                 "seconds": self.seconds,
                 "rays": layer.rays,
                 "parameters": layer.parameters,

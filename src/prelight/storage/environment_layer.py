@@ -14,6 +14,10 @@ _GROUP, _TILE, _PANEL = 32, 16, 256  # as in encoding.sparse_tiles
 MOST_MODES = 256
 MOST_CELLS = 6 * 256
 _NUMBERS = ("resolution", "tolerance", "epsilon", "samples_per_side", "nonzero_share")
+_BOUNCED_NUMBERS = (
+    "gather_rays", "bounced_modes", "bounced_cells", "bounced_rays", "bounced_products", "bounced_remaining",
+    "bounced_left_out",
+)  # fmt: skip
 _LARGEST = 1 << 40
 
 
@@ -52,6 +56,9 @@ def _bounced_problem(
         return f"{at}: bounces are {bounces!r}, expected all or a whole number"
     if bounces == 0:
         return None
+    for number in _BOUNCED_NUMBERS:
+        if not _is_number(said.get(number), _LARGEST):
+            return f"{at}: the layer does not say its {number}"
     parts = {"cells": "int32", "modes": "int8", "scales": "float32", "weights": "float32"}
     for part, dtype in parts.items():
         if (spec := arrays.get(f"{at}/{part}")) is None or spec.dtype != dtype:

@@ -49,6 +49,13 @@ def steerable_problem(
             return f"array layers/{name}/{part} is {shapes[part]}, expected {shape}"
     if planes > MOST_PLANES or not coefficients <= planes <= 2 * coefficients:
         return f"layer {name!r} has {planes} planes for {coefficients} components"
+    bright, values = (arrays.get(f"layers/{name}/{part}") for part in ("bright", "bright_values"))
+    if bright is not None or values is not None:  # neither where no pixel is that bright
+        both = bright is not None and values is not None
+        if not both or (bright.dtype, values.dtype) != ("int32", "float32") or len(bright.shape) != 1:
+            return f"arrays layers/{name}/bright and bright_values are not int32 and float32"
+        if bright.shape[0] > 64 * blocks or values.shape != [3, coefficients, bright.shape[0]]:
+            return f"array layers/{name}/bright_values is {values.shape}, expected [3, {coefficients}, {bright.shape[0]}]"
     mixing = shapes["mixing"]
     if len(mixing) != 2 or mixing[0] != coefficients or mixing[1] > MOST_PLANES:
         return f"array layers/{name}/mixing is {mixing}, expected {coefficients} rows"

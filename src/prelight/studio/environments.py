@@ -27,6 +27,7 @@ from ..lighting.sky import STOCK_SKIES
 from .protocol import EnvironmentChoice
 
 MAP_SUFFIXES = (".hdr", ".exr")
+_FIRST = STOCK_PREFIX + "sunset"
 _MOST_MAPS = 200
 _KEPT_BYTES = 1_000_000_000  # of opened maps
 _SKY = (256, 512)  # rows and columns of what is shown behind the scene
@@ -65,6 +66,12 @@ class Environments:
 
     def __contains__(self, key: object) -> bool:
         return key in self._sources
+
+    @property
+    def first(self) -> str:
+        """The id of the one to begin with: the first that was named, or the sky that shows shadows best."""
+        first = next(iter(self._sources))
+        return _FIRST if first.startswith(STOCK_PREFIX) else first
 
     @property
     def choices(self) -> tuple[EnvironmentChoice, ...]:

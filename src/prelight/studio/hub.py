@@ -74,7 +74,7 @@ class Hub:
 
     def _first_state(self) -> State:
         """What is kept of the last visit, or the first map as it is."""
-        start = initial(self._environments.choices[0].id)
+        start = initial(self._environments.first)
         if self._file is None or not self._file.exists():
             return start
         try:

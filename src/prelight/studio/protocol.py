@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple, get_args
 
@@ -246,7 +246,17 @@ class FrameHeader(NamedTuple):
 
 def encode(message: ServerMessage | ClientMessage) -> str:
     """The JSON text of a message."""
-    return json.dumps({"type": type(message).__name__, **asdict(message)}, allow_nan=False)
+    return json.dumps(_plain(message), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Messages, also those inside others, as objects with a type."""
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if not is_dataclass(value):
+        return value
+    named = {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    return {"type": type(value).__name__, **named} if isinstance(value, _Message) else named
 
 
 def decode(text: str) -> ClientMessage:
@@ -254,17 +264,17 @@ def decode(text: str) -> ClientMessage:
     if len(text) > LARGEST_MESSAGE:
         raise InputError("message", f"{len(text):,} characters, at most {LARGEST_MESSAGE:,} are read")
     try:
-        fields = json.loads(text, parse_constant=_no_constant)
+        given = json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError):
         raise InputError("message", "not JSON (numbers are finite)") from None
-    if not isinstance(fields, dict):
-        raise InputError("message", f"a {type(fields).__name__}, expected an object with a type")
-    name = fields.pop("type", None)
+    if not isinstance(given, dict):
+        raise InputError("message", f"a {type(given).__name__}, expected an object with a type")
+    name = given.pop("type", None)
     readers = _readers()
     if not isinstance(name, str) or name not in readers:
         raise InputError("message", f"type {str(name)[:40]!r}, expected one of {', '.join(readers)}")
     try:
-        return readers[name].validate_python(fields)
+        return readers[name].validate_python(given)
     except ValidationError as error:
         raise _refusal(name, error) from None
 

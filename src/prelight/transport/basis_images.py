@@ -46,7 +46,7 @@ class ImageSettings:
         Leave direct light out.
     by_chance
         Keep light through glass or off a mirror that the eye sees in a mirror or through glass; only a lamp of some
-        size is met, and by chance: it is noisy.
+        size is met, and by chance: bright specks. Else it is left out, and named.
     seed
         Of all randomness.
     """
@@ -57,7 +57,7 @@ class ImageSettings:
     particles: int = 64
     depth: int = 12
     indirect_only: bool = False
-    by_chance: bool = True
+    by_chance: bool = False
     seed: int = 0
 
     def __post_init__(self) -> None:

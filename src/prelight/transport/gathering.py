@@ -164,9 +164,9 @@ class Gathering:
 
         C is 3, or 1 where every albedo is grey.
         """
-        V, K, C = B.shape
-        if B.ndim != 3 or self.columns != V or C not in (1, 3):
+        if B.ndim != 3 or len(B) != self.columns or B.shape[2] not in (1, 3):
             raise InputError("light", f"is {B.shape}, expected ({self.columns}, columns, 1 or 3)")
+        V, K, C = B.shape
         if C == 1 and not self.is_grey:
             raise InputError("light", "has one channel, but the scene has colours; give three")
         albedo_in_entries = self._colour.channels

@@ -21,6 +21,7 @@ from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..scene.geometry import Scene
+from .ordering import receiver_order
 
 _LANES = 1 << 22  # rays of one launch
 _OTHER = 0x5BD1E995  # tells a second set of random numbers from the first
@@ -161,7 +162,7 @@ class _AreaTable:
     """Points of luminous triangles, chosen by power within each light."""
 
     def __init__(self, mi: Any, lights: LuminousTriangles) -> None:
-        order = np.argsort(lights.light_of, kind="stable")
+        order = _neighbours_together(lights)
         a, b, c = np.moveaxis(lights.corners[order].astype(np.float64), 1, 0)
         cross = np.cross(b - a, c - a)
         double = np.linalg.norm(cross, axis=1)
@@ -208,6 +209,15 @@ class _AreaTable:
         factor = dr.select(there, facing * dr.maximum(dr.dot(normal, d), 0) / square, 0)
         weight = dr.gather(mi.Point3f, self._weight, found, there) * factor
         return d, dr.sqrt(square) * (1 - _SHORT), weight
+
+
+def _neighbours_together(lights: LuminousTriangles) -> Int32[np.ndarray, "triangles"]:
+    """An order by light, then by place: evenly spread numbers become places spread evenly over a light."""
+    a, b, c = np.moveaxis(lights.corners, 1, 0)
+    across = np.cross(b - a, c - a)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    order = receiver_order((a + b + c) / np.float32(3), across)
+    return order[np.argsort(lights.light_of[order], kind="stable")]
 
 
 class _Pairs:

@@ -20,9 +20,11 @@ from ..rays.surfaces import SurfaceScene
 from .eye_paths import PathRules, PinholeRays, place_on
 from .steered_lamps import SteeredLamp, SteeredSpot
 
-_BANDS, _SECTORS = 64, 128  # cells of equal solid angle
-_SEARCHED = 64  # directions in each
-_ELSEWHERE = 0.1  # of the paths go to all cells alike, whatever was found
+_BANDS, _SECTORS = 256, 512  # cells of equal solid angle
+_SEARCHED = 16  # directions in each
+_ELSEWHERE = 0.05  # of the paths go to all cells alike, whatever was found,
+_ALIKE = 0.35  # and these alike to cells with S; the others where more reached the eye
+_PILOT = 1 << 18
 _ROULETTE_FROM = 5
 _SURVIVAL = 0.95
 
@@ -69,8 +71,26 @@ class LightPaths:
         share = self._search()
         self.finds_any = bool(share.any())
         even = np.full(len(share), 1 / len(share))
-        share = _ELSEWHERE * even + (1 - _ELSEWHERE) * share if self.finds_any else even
+        self._aim(_ELSEWHERE * even + (1 - _ELSEWHERE) * share if self.finds_any else even)
+        if self.finds_any:
+            reached = self._pilot()
+            useful = reached / reached.sum() if reached.any() else share
+            self._aim(_ELSEWHERE * even + _ALIKE * share + (1 - _ELSEWHERE - _ALIKE) * useful)
+
+    def _aim(self, share: np.ndarray) -> None:
         self._cells = self.mi.DiscreteDistribution(self.mi.Float(share.astype(np.float32)))
+
+    def _pilot(self) -> Float64[np.ndarray, "cells"]:
+        """How much the paths of each cell brought to the eye, RMS, of some."""
+        found, colour = self.trace(_PILOT, seed=0x7107), np.zeros(_PILOT)
+        np.add.at(colour, found.particle, found.colour[:, :3].sum(axis=1, dtype=np.float64))
+        d = found.left[:, :3].astype(np.float64)
+        band = np.clip((1 - d[:, 2]) / 2 * _BANDS, 0, _BANDS - 1).astype(np.int64)
+        sector = (np.arctan2(d[:, 1], d[:, 0]) / (2 * np.pi) % 1.0 * _SECTORS).astype(np.int64) % _SECTORS
+        cell = band * _SECTORS + sector
+        density = np.bincount(cell, minlength=_BANDS * _SECTORS).astype(np.float64)
+        square = np.bincount(cell, colour**2, minlength=_BANDS * _SECTORS)
+        return np.sqrt(square / np.maximum(density, 1))
 
     def _search(self) -> Float64[np.ndarray, "cells"]:
         """The share of paths for each cell of directions: even over those where, or beside which, one meets S."""

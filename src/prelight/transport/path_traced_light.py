@@ -108,10 +108,11 @@ class LitScene:
     ) -> LightWithVariance:
         """E / π at some vertices by ``samples`` paths each, with so many ``bounces`` (None: all of them).
 
-        A receiver stands at its place in ``origins`` (V, 3), those of a bake, or a thousandth of the way to the middle
-        of one of its triangles; and a ray's offset above that.
-        ``report`` hears the share done, 0 to 1.
+        Samples come in independent sets, each stratified; the variances are those between the sets. A receiver stands
+        at its place in ``origins`` (V, 3), those of a bake, or a thousandth of the way to the middle of one of its
+        triangles; and a ray's offset above that. ``report`` hears the share done, 0 to 1.
         """
+        strata = _strata(samples)
         if samples < 2 or (bounces is not None and bounces < 0):
             raise InputError("reference", f"{samples} samples and {bounces} bounces, expected 2 and 0 or more")
         scene = self.scene
@@ -126,7 +127,9 @@ class LitScene:
         parts, step = [], max(1, _LANES // samples)
         for start in range(0, len(receivers), step):
             part = slice(start, min(start + step, len(receivers)))
-            direct, found = self._samples(integrator, stand[part], normals[part], samples, seed + 7919 * start)
+            direct, found = self._samples(
+                integrator, stand[part], normals[part], (samples // strata, strata), seed + 7919 * start
+            )
             # With no bounce the looking ray brings nothing but direct light.
             indirect = np.zeros_like(found) if bounces == 0 else found
             parts.append(_moments(direct, indirect))
@@ -137,13 +140,14 @@ class LitScene:
         return LightWithVariance(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
     def _samples(
-        self, integrator: Any, origins: np.ndarray, normals: np.ndarray, samples: int, seed: int
+        self, integrator: Any, origins: np.ndarray, normals: np.ndarray, sets: tuple[int, int], seed: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Direct and indirect light (3, receivers, samples)."""
+        """Direct and indirect light (3, receivers, sets), the means of independent sets of stratified samples."""
         import drjit as dr
 
-        mi, count = self.mi, len(origins)
-        sampler = mi.load_dict({"type": "independent"})
+        mi, count, samples = self.mi, len(origins), sets[0] * sets[1]
+        sampler = mi.load_dict({"type": "multijitter", "sample_count": sets[1]})
+        sampler.set_samples_per_wavefront(sets[1])
         sampler.seed(seed, count * samples)
         lane = dr.arange(mi.UInt32, count * samples) // dr.opaque(mi.UInt32, samples)
         o, n = (
@@ -167,8 +171,13 @@ class LitScene:
         found, _, _ = integrator.sample(self._lit, sampler, ray)
         direct = asked + dr.select(dr.max(dr.abs(shining)) > 0, shining * _balance(chance, met), 0)
         dr.eval(direct, found, shining)
-        direct, found, shining = (np.array(x).reshape(3, count, samples) for x in (direct, found, shining))
-        return direct, found.astype(np.float64) - shining
+        wide = [np.array(x, np.float64).reshape(3, count, *sets) for x in (direct, found, shining)]
+        return wide[0].mean(axis=-1), (wide[1] - wide[2]).mean(axis=-1)
+
+
+def _strata(samples: int) -> int:
+    """Of a set: a power of four, so that there are 16 sets or more."""
+    return 4 ** int(np.log2(max(samples / 16, 1)) // 2)
 
 
 def _balance(own: Any, other: Any) -> Any:
@@ -179,7 +188,7 @@ def _balance(own: Any, other: Any) -> Any:
 
 
 def _moments(direct: np.ndarray, indirect: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Means and variances of means over the last axis, (receivers, 3) each, in the order of ``LightWithVariance``."""
+    """Means and variances of means over the last axis (independent sets), (receivers, 3) each, in the order of ``LightWithVariance``."""
     out = []
     for values in (direct, indirect):
         wide = values.astype(np.float64)

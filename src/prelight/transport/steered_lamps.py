@@ -47,7 +47,7 @@ class SteeredSpot:
     radius: float = 0.02
 
     def __post_init__(self) -> None:
-        _check_vector("spot position", self.position)
+        object.__setattr__(self, "position", _vector("spot position", self.position))
         _check_whole("degree", self.degree, MOST_DEGREE)
         _check_number("radius", self.radius, 0.0, 100.0)
 
@@ -113,7 +113,7 @@ class SteeredPanel:
 
     def __post_init__(self) -> None:
         for name in ("corner", "side_u", "side_v"):
-            _check_vector(f"panel {name}", getattr(self, name))
+            object.__setattr__(self, name, _vector(f"panel {name}", getattr(self, name)))
         if len(self.periods) != 2:
             raise InputError("periods", f"{self.periods!r}, expected two whole numbers")
         for count in self.periods:
@@ -201,10 +201,11 @@ def _plain(values: dict[str, Any]) -> dict[str, Any]:
     return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
 
 
-def _check_vector(name: str, value: object) -> None:
+def _vector(name: str, value: Any) -> Vector:
     numbers = isinstance(value, tuple | list) and len(value) == 3
-    if not (numbers and all(_is_number(x) and abs(x) < 1e7 for x in value)):  # ty: ignore
+    if not (numbers and all(_is_number(x) and abs(x) < 1e7 for x in value)):
         raise InputError(name, f"{value!r}, expected three numbers, metres")
+    return float(value[0]), float(value[1]), float(value[2])
 
 
 def _check_whole(name: str, value: object, most: int) -> None:

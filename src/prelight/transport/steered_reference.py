@@ -93,7 +93,7 @@ def path_traced_picture(
     means, variances = [], []
     for first in range(0, width * height, step):
         count = min(step, width * height - first)
-        sampler.seed(seed * 1_000_003 + first, count * samples)
+        sampler.seed((seed * 1_000_003 + first) & 0x7FFFFFFF, count * samples)
         lane = dr.arange(mi.UInt32, count * samples)
         pixel = lane // dr.opaque(mi.UInt32, samples) + dr.opaque(mi.UInt32, first)
         ray = mi.RayDifferential3f(view.through(pixel, sampler.next_2d()))

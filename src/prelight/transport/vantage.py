@@ -19,6 +19,7 @@ from .hemisphere import lit_sides
 
 _INSET = 4.0  # offsets of a ray's origin from its surface: how far from an edge a vantage point is
 _TOUCH = 0.25  # offsets: a ray that begins nearer to a surface, or behind it, begins on it
+_ASIDE = 0.37  # offsets beside an edge that rays go, lest they meet another mesh just between its triangles
 _SHARP = 4.0  # insets a vantage point is moved at most, where two edges meet at a small angle
 _OF_EDGE = 0.25  # of its shortest edge it is moved at most
 _LANES = 1 << 22
@@ -69,6 +70,8 @@ class _Probe:
         return _Met(np.asarray(distance, np.float64), triangle, facing & (triangle >= 0))
 
     def _launch(self, origins: np.ndarray, directions: np.ndarray, reach: np.ndarray) -> tuple[Any, Any]:
+        import drjit as dr
+
         mi = self._mi
         o, d = (
             mi.Vector3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in a.T))
@@ -76,14 +79,15 @@ class _Probe:
         )
         most = mi.Float(np.ascontiguousarray(reach, np.float32))
         hit = self._scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(o), d, most, 0.0, []))
-        met = hit.is_valid().numpy()
-        distance = np.where(met, hit.t.numpy(), np.inf)
-        return distance, np.where(met, hit.prim_index.numpy().astype(np.int64), -1)
+        triangle = dr.select(hit.is_valid(), mi.Int32(hit.prim_index), -1)
+        distance = dr.select(hit.is_valid(), hit.t, dr.inf)
+        dr.eval(triangle, distance)
+        return distance.numpy(), triangle.numpy()
 
 
 def _off_borders(scene: Scene, probe: _Probe, points: np.ndarray) -> np.ndarray:
     """Border vertices that another surface stands next to, moved into their own triangles."""
-    vertex, inward = _border_directions(scene)
+    vertex, inward, along = _border_directions(scene)
     if len(vertex) == 0:
         return points
     toward = np.zeros_like(points)
@@ -96,7 +100,7 @@ def _off_borders(scene: Scene, probe: _Probe, points: np.ndarray) -> np.ndarray:
     move = probe.inset / np.maximum(across, 1 / _SHARP)
     move = np.minimum(move, _OF_EDGE * _shortest_edges(scene))
     inset = points + move[:, None] * toward
-    lifted = inset[vertex] + probe.offset * scene.normals[vertex]
+    lifted = inset[vertex] + probe.offset * (scene.normals[vertex] + _ASIDE * along)
     from_border = move[vertex] * np.einsum("ij,ij->i", toward[vertex], inward)
     met = probe.meet(lifted, -inward, from_border + probe.touch)
     cornered = np.zeros(len(points), bool)
@@ -112,7 +116,8 @@ def _before_surfaces(scene: Scene, probe: _Probe, points: np.ndarray) -> np.ndar
     way = lifted[end] - lifted[start]
     length = np.linalg.norm(way, axis=1)
     way /= np.maximum(length, 1e-30)[:, None]
-    met = probe.meet(lifted[start], way, length + probe.touch)
+    aside = _ASIDE * probe.offset * np.cross(scene.normals[start], way)
+    met = probe.meet(lifted[start] + aside, way, length + probe.touch)
     found = (met.triangle >= 0) & ~_near(scene, met.triangle, start) & ~_near(scene, met.triangle, end)
     other = np.roll(np.arange(len(start)), len(ends))  # the same edge from its other end
     through = found & met.lit
@@ -131,8 +136,10 @@ def _before_surfaces(scene: Scene, probe: _Probe, points: np.ndarray) -> np.ndar
     return out
 
 
-def _border_directions(scene: Scene) -> tuple[Int64[np.ndarray, "n"], Float64[np.ndarray, "n 3"]]:
-    """Both ends of every edge that one triangle alone has, and the way from it into that triangle, unit length."""
+def _border_directions(
+    scene: Scene,
+) -> tuple[Int64[np.ndarray, "n"], Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
+    """Both ends of every edge that one triangle alone has, and unit ways into that triangle and to the other end."""
     ends = np.stack([scene.triangles, np.roll(scene.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
     _, which, count = np.unique(_keys(ends), return_inverse=True, return_counts=True)
     border = np.flatnonzero(count[which] == 1)
@@ -143,7 +150,8 @@ def _border_directions(scene: Scene) -> tuple[Int64[np.ndarray, "n"], Float64[np
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     inward = (r - p) - np.einsum("ij,ij->i", r - p, along)[:, None] * along
     inward /= np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
-    return np.concatenate([a, b]).astype(np.int64), np.concatenate([inward, inward])
+    vertex = np.concatenate([a, b]).astype(np.int64)
+    return vertex, np.concatenate([inward, inward]), np.concatenate([along, -along])
 
 
 def _edges(scene: Scene) -> Int64[np.ndarray, "edges 2"]:

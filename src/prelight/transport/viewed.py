@@ -15,13 +15,14 @@ from ..arrays import Directions, Float32, Float64, Int32, UInt8
 from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
-from .direct import mean_of_samples, unshadowed_correction
+from .direct import mean_of_samples
 from .eye import SeenPoints
 from .transfer import SampleDirections, Samples
 
 MAX_LANES = 1 << 22  # of one launch: what it leaves is floats, not bits
 BYTES_PER_LANE = 28.0  # measured peak of a launch on the processor
 BYTES_PER_POINT = 320.0  # and what is kept of every sample of every receiver
+_LIKE_A_COSINE = np.float32(1.1)  # most over least of what samples bring, divided by their cosines
 BLOCK = 256  # receivers; the transfer vectors of a node's samples stay in cache
 
 
@@ -129,7 +130,7 @@ class ViewedTransfer:
     def quantized_means(
         self, rows: np.ndarray, sample: Samples, d: SampleDirections, D_C: Float32[np.ndarray, "nodes 3"]
     ) -> tuple[UInt8[np.ndarray, "nodes 3 receivers"], Float32[np.ndarray, "nodes 3"]]:
-        """The mean of the samples (Eq. 10), corrected where a receiver faces them all for the cosine they stand for.
+        """The mean of the samples (Eq. 10); where they bring what goes as their cosines, of the cosine's integral.
 
         A BSDF has no closed integral over a cluster, the cosine has: what is matt is then exact where unshadowed.
         """
@@ -195,14 +196,32 @@ def squared_distances(rows, sample, distance):
 
 
 @njit(cache=True)
-def _corrections(sample, d, D_C, normals, correction):
-    """Integral over mean of the samples' cosines for each receiver, as in ``direct``."""
+def _corrections(rows, sample, d, D_C, normals, correction, least, most):
+    """Integral over mean of the samples' cosines for each receiver, as in ``direct``, where that is what it needs.
+
+    1 where all lights of the node are samples, so that nothing is left to estimate, and where what samples bring
+    does not go as their cosines: a highlight is no cosine, and would only be scaled by chance.
+    """
     D_S = np.zeros(3, np.float32)
-    mean_of_samples(sample, d, D_S)
+    used = mean_of_samples(sample, d, D_S)
+    correction[:] = 1
+    if used < len(sample):
+        return
+    least[:], most[:] = np.inf, 0
+    for l in range(len(sample)):
+        T_l = rows[sample[l]]
+        for i in range(len(correction)):
+            cosine = normals[0, i] * d[l, 0] + normals[1, i] * d[l, 1] + normals[2, i] * d[l, 2]
+            grey = T_l[0, i] + T_l[1, i] + T_l[2, i]
+            if cosine <= 0:
+                most[i] = np.inf
+            elif grey > 0:
+                least[i], most[i] = min(least[i], grey / cosine), max(most[i], grey / cosine)
     for i in range(len(correction)):
-        correction[i] = unshadowed_correction(
-            sample, d, D_C, D_S, normals[0, i], normals[1, i], normals[2, i]
-        )
+        if most[i] < _LIKE_A_COSINE * least[i]:
+            correction[i] = (normals[0, i] * D_C[0] + normals[1, i] * D_C[1] + normals[2, i] * D_C[2]) / (
+                normals[0, i] * D_S[0] + normals[1, i] * D_S[1] + normals[2, i] * D_S[2]
+            )
 
 
 @njit(cache=True)
@@ -227,8 +246,8 @@ def _channel_mean(rows, sample, channel, correction, T_C, column):
 
 @njit(cache=True)
 def _node_means(rows, sample, d, D_C, normals, columns, scale):
-    T_C, correction = np.empty((2, rows.shape[2]), np.float32)
-    _corrections(sample, d, D_C, normals, correction)
+    T_C, correction, least, most = np.empty((4, rows.shape[2]), np.float32)
+    _corrections(rows, sample, d, D_C, normals, correction, least, most)
     for channel in range(3):
         scale[channel] = _channel_mean(rows, sample, channel, correction, T_C, columns[channel])
 

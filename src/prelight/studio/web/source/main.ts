@@ -210,4 +210,10 @@ function found(id: string): HTMLElement {
   return element;
 }
 
-new Page().start();
+try {
+  new Page().start();
+} catch (error) {
+  const words = "This browser cannot draw the scene: WebGL 2 is missing or switched off.";
+  found("notices").replaceChildren(element("div", { class: "veil" }, element("p", {}, words)));
+  throw error;
+}

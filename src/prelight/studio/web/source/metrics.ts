@@ -19,6 +19,7 @@ export class Metrics {
   shownSequence = -1;
   shownExact = false;
   relightMs = 0;
+  sky = ""; // of which environment the map behind the scene is
   readonly scriptMs: number[] = [];
   readonly uploadMs: number[] = [];
   private readonly arrivals: number[] = [];

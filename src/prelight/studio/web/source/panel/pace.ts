@@ -21,7 +21,8 @@ export class PaceCorner {
   }
 
   take(pace: Pace): void {
-    this.pace = pace;
+    const isNews = pace.relight_ms > 0 || this.pace === null; // the same light again takes no time
+    this.pace = isNews ? pace : { ...pace, relight_ms: this.pace?.relight_ms ?? 0 };
   }
 
   /** What the studio is busy with; empty: nothing. */

@@ -96,6 +96,12 @@ export class PixelPicture {
     this.texture.needsUpdate = true;
   }
 
+  dispose(): void {
+    this.texture.dispose();
+    this.mesh.geometry.dispose();
+    this.mesh.material.dispose();
+  }
+
   /** Fit into what the panel leaves free of a canvas: all but strips at the right and the bottom. */
   fit({ width, height, right, bottom }: Size): void {
     const aspect = this.shape[0] / this.shape[1];

@@ -52,6 +52,7 @@ export class Stage {
 
   /** Put a bake on the stage, in place of what is there. */
   show(welcome: Welcome, geometry: Geometry): void {
+    this.shown?.dispose();
     this.scene.clear();
     const { display, sky } = this;
     if (welcome.pixels !== null) {
@@ -185,6 +186,7 @@ export class Stage {
       if (id !== this.skyId) return;
       this.sky.map.value.dispose();
       this.sky.map.value = map;
+      this.metrics.sky = id;
       this.invalidate();
     } catch {
       if (id === this.skyId) this.skyId = ""; // asked for again with the next change

@@ -102,6 +102,15 @@ export class Surface {
     this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance);
   }
 
+  dispose(): void {
+    this.shape.dispose();
+    this.gl.deleteBuffer(this.buffer);
+    for (const material of this.mesh.material) {
+      (material.uniforms["surface"]?.value as Texture | undefined)?.dispose();
+      material.dispose();
+    }
+  }
+
   /** A buffer of our own, so that an update is one call; made again after a lost context. */
   makeBuffer(): void {
     const { gl, count } = this;

@@ -1,0 +1,232 @@
+"""How many updates a second reach the page at 100,000 vertices, and how late each is: over loopback, all real."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import http.cookiejar
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import websockets
+
+import prelight as pl
+from prelight.scene.normals import vertex_normals
+from prelight.studio.protocol import (
+    PROTOCOL_VERSION,
+    ClientMessage,
+    FrameHeader,
+    Hello,
+    RemoveDisc,
+    Seen,
+    SetDisc,
+    SetEnvironment,
+    encode,
+)
+
+SIDE = 317  # 100,489 vertices
+RATE = 100  # changes a second: a quick pointer's
+LAMP = {"elevation_deg": 35.0, "radius_deg": 6.0, "radiance": (6.0, 5.0, 4.0), "softness": 0.5}
+
+EDITS: dict[str, Callable[[int], ClientMessage]] = {
+    "a disc is dragged": lambda k: SetDisc("a", azimuth_deg=0.5 * k % 360 - 180, **LAMP, dragging=True),
+    "a disc is dimmed": lambda k: SetDisc("a", azimuth_deg=-125.0, **{**LAMP, "radiance": (k % 50, 5.0, 4.0)}, dragging=True),
+    "the sky is dimmed": lambda k: SetEnvironment(scale=0.5 + 0.01 * (k % 50), dragging=True),
+    "the sky is tinted": lambda k: SetEnvironment(tint=(1.0, 0.5 + 0.01 * (k % 50), 1.0), dragging=True),
+    "the sky is turned": lambda k: SetEnvironment(rotation_deg=0.5 * k % 360, dragging=True),
+}  # fmt: skip
+
+
+def hills() -> pl.Scene:
+    """100,489 vertices: hills that shadow each other."""
+    line = np.linspace(-5, 5, SIDE)
+    x, z = np.meshgrid(line, line)
+    y = 0.5 * np.sin(2.1 * x) * np.cos(1.7 * z) + 0.25 * np.sin(4.3 * x + 1.0) * np.sin(3.9 * z)
+    positions = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+    corner = np.arange(SIDE * (SIDE - 1)).reshape(SIDE - 1, SIDE)[:, :-1].ravel()
+    first = np.stack([corner, corner + SIDE, corner + 1], axis=-1)
+    second = np.stack([corner + 1, corner + SIDE, corner + SIDE + 1], axis=-1)
+    triangles = np.concatenate([first, second]).astype(np.int32)
+    normals = vertex_normals(positions, triangles).astype(np.float32)
+    return pl.Scene("hills", positions, normals, triangles, np.full(positions.shape, 0.6, np.float32))
+
+
+@contextmanager
+def studio(bake: Path) -> Iterator[str]:
+    """The link of a studio in a process of its own."""
+    run = subprocess.Popen(
+        [sys.executable, "-c", "from prelight.cli.main import main; main()", "studio", str(bake), "--json", "--port", "0"],
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert run.stdout is not None
+    try:
+        yield json.loads("".join(run.stdout.readline() for _ in range(3)))["url"]
+    finally:
+        run.terminate()
+        run.wait(20)
+
+
+def entered(link: str) -> tuple[str, str]:
+    """Cookie and origin after opening a link."""
+    jar = http.cookiejar.CookieJar()
+    urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar)).open(link).read()
+    return "; ".join(f"{c.name}={c.value}" for c in jar), link.split("/?")[0]
+
+
+@dataclass
+class Visit:
+    """What a page of ours notes while it drags."""
+
+    sequence: int = 0  # of the newest state we made
+    sent: dict[int, float] = field(default_factory=dict)  # when, by sequence
+    latencies: list[float] = field(default_factory=list)  # from a change to the radiance that shows it
+    updates: list[float] = field(default_factory=list)
+    relight: list[float] = field(default_factory=list)
+    size: int = 0
+    exact: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def saw(self, frame: bytes) -> int:
+        now, header = time.perf_counter(), FrameHeader.read(frame)
+        self.updates.append(now)
+        self.relight.append(header.milliseconds)
+        self.size = len(frame)
+        for sequence in [s for s in self.sent if s <= header.sequence]:
+            self.latencies.append(now - self.sent.pop(sequence))
+        if header.flags and header.sequence == self.sequence:
+            self.exact.set()
+        return header.frame
+
+
+async def dragged(link: str, edit: Callable[[int], ClientMessage], seconds: float) -> dict[str, float]:
+    """One kind of edit, sent at a steady rate; only what arrived while it was sent counts."""
+    cookie, origin = entered(link)
+    address = origin.replace("http", "ws") + "/socket"
+    headers = {"Cookie": cookie}
+    async with websockets.connect(
+        address, additional_headers=headers, origin=origin, compression=None, max_size=None
+    ) as socket:
+        visit = Visit()
+        await socket.send(encode(Hello(PROTOCOL_VERSION)))
+
+        async def read() -> None:
+            async for got in socket:
+                if isinstance(got, str):
+                    message = json.loads(got)
+                    if message["type"] == "Welcome":
+                        visit.sequence = message["state"]["sequence"]
+                else:
+                    await socket.send(encode(Seen(visit.saw(got))))
+
+        reader = asyncio.create_task(read())
+        await visit.exact.wait()
+        for warm in range(10):  # threads of the kernels find their pace
+            await change(socket, visit, edit(warm))
+            await asyncio.sleep(0.05)
+        for notes in (visit.latencies, visit.updates, visit.relight):
+            notes.clear()
+        began = time.perf_counter()
+        for k in range(int(seconds * RATE)):
+            await asyncio.sleep(max(0.0, began + k / RATE - time.perf_counter()))
+            await change(socket, visit, edit(10 + k))
+        took = time.perf_counter() - began
+        await asyncio.sleep(0.1)
+        latencies, relight = np.array(visit.latencies) * 1e3, list(visit.relight)
+        delivered = sum(at <= began + took for at in visit.updates)
+        visit.exact.clear()
+        await change(socket, visit, SetEnvironment("stock:sunset", 0.0, 1.0, (1.0, 1.0, 1.0)))
+        if isinstance(edit(0), SetDisc):
+            await change(socket, visit, RemoveDisc("a"))
+        await visit.exact.wait()
+        reader.cancel()
+    return {
+        "updates_per_second": delivered / took,
+        "latency_ms_median": float(np.median(latencies)),
+        "latency_ms_p95": float(np.quantile(latencies, 0.95)),
+        "relight_ms_median": statistics.median(relight),
+        "frame_bytes": visit.size,
+    }
+
+
+async def change(socket, visit: Visit, message: ClientMessage) -> None:
+    visit.sequence += 1
+    visit.sent[visit.sequence] = time.perf_counter()
+    await socket.send(encode(message))
+
+
+def first_picture(bake: Path) -> dict[str, float]:
+    """Seconds from the command to the first and the exact radiance, with everything in the page cache."""
+
+    async def wait(began: float) -> dict[str, float]:
+        with studio(bake) as link:
+            listening = time.perf_counter() - began
+            cookie, origin = entered(link)
+            address = origin.replace("http", "ws") + "/socket"
+            async with websockets.connect(
+                address, additional_headers={"Cookie": cookie}, origin=origin, max_size=None, compression=None
+            ) as socket:
+                await socket.send(encode(Hello(PROTOCOL_VERSION)))
+                first = 0.0
+                async for got in socket:
+                    if isinstance(got, bytes):
+                        header = FrameHeader.read(got)
+                        await socket.send(encode(Seen(header.frame)))
+                        first = first or time.perf_counter() - began
+                        if header.flags:
+                            break
+            return {"listening_s": listening, "first_s": first, "exact_s": time.perf_counter() - began}
+
+    runs = [asyncio.run(wait(time.perf_counter())) for _ in range(3)]
+    return {name: statistics.median(run[name] for run in runs) for name in runs[0]}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, default=Path("studio-benchmark"), help="folder for the bake")
+    parser.add_argument("--bake", type=Path, help="measure this bake instead")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of each kind of edit")
+    parser.add_argument("--output", type=Path, help="JSON file of the figures")
+    parser.add_argument("--browser", action="store_true", help="in Chromium too")
+    given = parser.parse_args()
+    path = given.bake
+    if path is None:
+        given.work.mkdir(parents=True, exist_ok=True)
+        path = given.work / "hills.prelight"
+        if not path.exists():
+            pl.bake_environment(hills(), path, resolution=256, tolerance=0.02, bounces=0)
+    bake = pl.Bake.open(path)
+    figures = {
+        "machine": {"processors": os.cpu_count(), "load_before": os.getloadavg()[0]},
+        "vertices": len(bake.receivers),
+        "bake_bytes": bake.manifest.bytes_of(""),
+        "changes_per_second": RATE,
+        "first_picture": first_picture(path),
+        "edits": {},
+    }
+    for name, edit in EDITS.items():
+        with studio(path) as link:
+            figures["edits"][name] = asyncio.run(dragged(link, edit, given.seconds))
+        print(name, json.dumps(figures["edits"][name]))
+    if given.browser:
+        from page import in_browser
+
+        with studio(path) as link:
+            figures["browser"] = in_browser(link, given.seconds)
+    figures["machine"]["load_after"] = os.getloadavg()[0]
+    text = json.dumps(figures, indent=2)
+    print(text)
+    if given.output:
+        given.output.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""``prelight animate``: a rig that changes in time, as a sequence of pictures or a moving one."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..drawing.picture import Picture
+    from ..lighting.rig import Rig
+    from ..relighting.steerable import SteerableRelighter
+
+_MOVING = (".webp", ".gif")
+_MOST_FRAMES, _MOST_BYTES = 20_000, 2_000_000_000
+_METERED = 8  # frames that the exposure is for
+
+
+def animate(
+    bake: Path,
+    rig: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(["--output", "-o"])],
+    fps: float = 24.0,
+    seconds: float | None = None,
+    exposure: str = "auto",
+    curve: str = "filmic",
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Light a bake of steerable lamps with a rig whose lights have keys in time, frame after frame.
+
+    Parameters
+    ----------
+    bake
+        NAME.prelight with steerable layers, made by `prelight bake steerable`.
+    rig
+        A rig (.toml) whose [[spot]]s and [[panel]]s have keys (docs/rig.md).
+    output
+        A moving picture (.webp or .gif), or pictures with {frame} in their name, such as shot_{frame}.png or
+        shot_{frame}.exr (linear): {frame} becomes 0000, 0001, …
+    fps
+        Frames a second.
+    seconds
+        How long; until the last light rests if not given.
+    exposure
+        Stops, one for all frames, or auto; auto+0.5 is half a stop brighter. An .exr stays linear, as radiance.
+    curve
+        Tone curve: filmic or linear.
+    force
+        Replace what is there.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..files import refuse_existing
+
+    kind = output.suffix.lower()
+    sequence = "{frame}" in output.name
+    if kind not in ((".png", ".exr") if sequence else _MOVING):
+        raise InputError(output, "expected a name ending in .webp or .gif, or with {frame} and .png or .exr")
+    if not 0.1 <= fps <= 240:
+        raise InputError("--fps", f"{fps:g}, expected 0.1 to 240")
+    if seconds is not None and not 0 < seconds <= 86_400:
+        raise InputError("--seconds", f"{seconds:g}, expected more than 0, at most a day")
+    metered, stops = arguments.exposure(exposure)
+    with printing.waiting("opening the bake and the lights (the first time, compiling too)"):
+        from ..lighting.rig import Rig
+        from ..relighting.steerable import SteerableRelighter
+        from ..relighting.stored_steerable import open_steerable
+        from ..storage.bake import Bake
+
+        opened = Rig.open(str(rig))
+        if not opened.tracks:
+            raise InputError(rig, "has no [[spot]] or [[panel]] that could move")
+        light = SteerableRelighter(open_steerable(Bake.open(bake)))
+    length = opened.duration if seconds is None else seconds
+    if not length > 0:
+        raise InputError(rig, "none of its lights has keys; give some, or --seconds for a still sequence")
+    times = _times(length, fps, light, moving=not sequence)
+    names = [output.with_name(output.name.replace("{frame}", f"{n:04}")) for n in range(len(times))]
+    for name in names if sequence else [output]:
+        refuse_existing(name, force=force)
+    if metered:
+        stops += _metered(light, opened, times)
+    started = time.perf_counter()
+    pictures = _pictures(light, opened, times)
+    if sequence:
+        for name, picture in zip(names, pictures, strict=True):
+            picture.save(name, force=force, exposure=stops, curve=curve)
+    else:
+        _publish(output, (picture.display(exposure=stops, curve=curve) for picture in pictures), fps=fps)
+    taken = time.perf_counter() - started
+    if json:
+        printing.say_json(
+            {"frames": len(times), "seconds": taken, "exposure_stops": stops, "output": str(output)}
+        )
+        return
+    printing.say(f"{len(times)} frames in {printing.duration(taken)}, exposure {stops:+.2f} stops\n{output}")
+
+
+def _times(length: float, fps: float, light: SteerableRelighter, *, moving: bool) -> list[float]:
+    frames = max(round(length * fps), 1) + 1
+    if frames > _MOST_FRAMES:
+        raise InputError(
+            "--seconds", f"{length:g} s are {frames:,} frames, at most {_MOST_FRAMES:,} are made"
+        )
+    size = frames * 3 * light.size[0] * light.size[1]
+    if moving and size > _MOST_BYTES:
+        raise InputError(
+            "--seconds",
+            f"{frames:,} frames are {printing.size(size)} at once; write single pictures: {{frame}}.png",
+        )
+    return [n / fps for n in range(frames)]
+
+
+def _metered(light: SteerableRelighter, rig: Rig, times: list[float]) -> float:
+    """The exposure that suits the mean of a few frames."""
+    import numpy as np
+
+    from ..drawing.picture import Picture
+
+    some = [times[round(n)] for n in np.linspace(0, len(times) - 1, min(_METERED, len(times)))]
+    mean = np.mean([picture.linear for picture in _pictures(light, rig, some)], axis=0)
+    return Picture(mean.astype(np.float32)).stops("auto")
+
+
+def _pictures(light: SteerableRelighter, rig: Rig, times: list[float]) -> Iterator[Picture]:
+    import numpy as np
+
+    from ..drawing.picture import Picture
+
+    width, height = light.size
+    for seconds in times:
+        light.light(rig.lights_at(seconds))
+        yield Picture(np.maximum(light.radiance, 0.0).reshape(height, width, 3))
+
+
+def _publish(path: Path, frames: Iterator, *, fps: float) -> None:
+    """One file of all frames, written whole or not at all."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    from ..files import publish
+
+    pictures = [Image.fromarray(frame) for frame in frames]
+    kind = path.suffix.lower().removeprefix(".")
+    options = {"quality": 90, "method": 4} if kind == "webp" else {}
+    data = BytesIO()
+    pictures[0].save(
+        data,
+        format=kind.upper(),
+        save_all=True,
+        append_images=pictures[1:],
+        duration=1000 / fps,
+        loop=0,
+        **options,
+    )
+    publish(path, data.getvalue())

@@ -1,0 +1,188 @@
+"""Steerable bakes: from tracing to a relit picture, resumed to the same bytes, never trusted when opened."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from prelight.baking import steerable
+from prelight.baking.steerable import bake_steerable
+from prelight.baking.steerable_foreign import bake_from_images, lights_list, picture_name
+from prelight.baking.steerable_settings import BakedLamp, SteerableSettings
+from prelight.bases.steering import SpotBasis
+from prelight.encoding.principal_components import Keep
+from prelight.errors import DamagedBakeError, InputError, InterruptedBakeError
+from prelight.images.formats import write_exr
+from prelight.lighting.distributions import Power
+from prelight.lighting.spot import Spot
+from prelight.relighting.steerable import SteerableRelighter
+from prelight.relighting.stored_steerable import open_steerable, steerable_camera
+from prelight.storage.bake import Bake
+from prelight.transport.basis_images import ImageSettings, basis_images
+from prelight.transport.steered_lamps import SteeredPanel, SteeredSpot
+
+from .disk import rewrite_manifest, tree
+from .steered import EYE, LAMP_AT, room
+
+W, H = 20, 14
+IMAGES = ImageSettings(W, H, samples=32, particles=16, depth=4)
+SPOT = BakedLamp("key", SteeredSpot(LAMP_AT, 3))
+PANEL = BakedLamp("top", SteeredPanel((-0.5, 1.5, -0.4), (1.0, 0, 0), (0, 0, 1.0), (1, 1)))
+SETTINGS = SteerableSettings((SPOT, PANEL), images=IMAGES, keep="all")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Any:
+    return room(mirror=True)
+
+
+@pytest.fixture(scope="module")
+def bake(scene: Any, tmp_path_factory: pytest.TempPathFactory) -> Bake:
+    return bake_steerable(scene, tmp_path_factory.mktemp("bake") / "room.prelight", settings=SETTINGS)
+
+
+def test_a_relit_spot_is_the_sum_of_its_basis_images(scene: Any, bake: Bake) -> None:
+    span = basis_images(scene, SPOT.lamp, EYE, settings=IMAGES).images
+    light = Spot((3.0, 2.0, 1.0), target=(0.1, 0.2, 0.0), distribution=Power(3))
+    live = SteerableRelighter([layer for layer in open_steerable(bake) if layer.name == "key"])
+    live.light([light], negligible=0.0)
+    layer = next(iter(live.layers.values()))
+    weights = light.coefficients(SpotBasis(3), layer.place)
+    expected = np.einsum("sc,shwc->hwc", weights, span).reshape(-1, 3)
+    assert np.sqrt(np.mean((live.radiance - expected) ** 2)) < 0.01 * np.sqrt(np.mean(expected**2))
+    assert steerable_camera(bake) == ("front", EYE)
+
+
+def test_the_same_bake_is_the_same_bytes_and_so_is_one_that_was_stopped(
+    scene: Any, bake: Bake, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "room.prelight"
+    monkeypatch.setattr(steerable, "strip_pixels", lambda *_: 64)  # more parts; the bytes do not hang on them
+    traced, stop = steerable.BasisTracer.pixels, [3]
+
+    def until(tracer: Any, first: int, count: int, **how: Any) -> Any:
+        stop[0] -= 1
+        if stop[0] < 0:
+            raise KeyboardInterrupt
+        return traced(tracer, first, count, **how)
+
+    plan = steerable.plan_steerable(scene, SETTINGS)
+    monkeypatch.setattr(steerable.BasisTracer, "pixels", until)
+    with pytest.raises(InterruptedBakeError):
+        steerable.bake_planned(scene, target, plan=plan)
+    stop[0] = 1000
+    other = steerable.SteerablePlan(**{**vars(plan), "settings": SteerableSettings((SPOT,), images=IMAGES)})
+    with pytest.raises(InputError, match="begun with"):
+        steerable.bake_planned(scene, target, plan=other, resume=True)
+    steerable.bake_planned(scene, target, plan=plan, resume=True)
+    assert 0 < 1000 - stop[0] < 2 * 5  # of the first lamp's five strips three were there
+    assert tree(target) == tree(bake.path)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda m: m["layers"]["key"]["parameters"].update(width=2), "expected"),
+        (lambda m: m["layers"]["key"]["parameters"].update(basis=3), "basis"),
+        (lambda m: m["layers"]["key"].update(camera=None), "eye"),
+        (lambda m: m["layers"]["key"].update(coefficients=3), "planes"),
+        (lambda m: m["layers"]["key"]["parameters"].update(basis='{"kind": "spot", "degree": 4, "parity": "all"}'), "fit"),
+        (lambda m: m["layers"]["key"]["parameters"].update(basis='{"kind": "sun"}'), "fit"),
+        (lambda m: m["layers"]["key"]["parameters"].update(basis="[" * 5000), "fit"),
+        (lambda m: m["layers"]["key"]["parameters"].update(place='{"kind": "spot"}'), "fit"),
+    ],
+)
+def test_a_forged_layer_is_refused(bake: Bake, tmp_path: Path, change: Any, word: str) -> None:
+    import shutil
+
+    folder = tmp_path / "forged.prelight"
+    shutil.copytree(bake.path, folder)
+    rewrite_manifest(folder, change)
+    with pytest.raises(DamagedBakeError, match=word):
+        open_steerable(Bake.open(folder))
+
+
+def test_images_of_another_renderer(scene: Any, tmp_path: Path) -> None:
+    lamp = BakedLamp("key", SteeredSpot(LAMP_AT, 2))
+    settings = SteerableSettings((lamp,), images=IMAGES, keep="all")
+    listed = json.loads(lights_list(scene, settings))
+    lights = listed["lamps"][0]["lights"]
+    assert len(lights) == 9
+    span = basis_images(scene, lamp.lamp, EYE, settings=IMAGES).images
+    pictures = lamp.basis.basis_images(span)
+    for light, picture in zip(lights, pictures, strict=True):
+        write_exr(tmp_path / light["picture"], np.maximum(picture, 0))
+    bake = bake_from_images(scene, tmp_path / "room.prelight", tmp_path, settings=settings)
+    live = SteerableRelighter(open_steerable(bake))
+    aim = np.array(lights[4]["direction"])
+    live.light([Spot((1.0, 1.0, 1.0), direction=tuple(aim), distribution=Power(2))], negligible=0.0)
+    assert np.allclose(live.radiance, pictures[4].reshape(-1, 3), atol=0.01 * pictures[4].max())
+
+    write_exr(tmp_path / picture_name("key", 3), np.zeros((H, W + 1, 3), np.float32))
+    with pytest.raises(InputError, match=f"{W + 1}×{H}, expected {W}×{H}"):
+        bake_from_images(scene, tmp_path / "b.prelight", tmp_path, settings=settings)
+    (tmp_path / picture_name("key", 3)).unlink()
+    with pytest.raises(InputError, match="missing"):
+        bake_from_images(scene, tmp_path / "b.prelight", tmp_path, settings=settings)
+
+
+def test_commands(prelight: Any, tmp_path: Path) -> None:
+    target, rig = tmp_path / "chess.prelight", tmp_path / "rig.toml"
+    bake = (
+        "bake", "steerable", "stock:steerable-small", "-o", target, "--size", "32x32", "--samples", "8",
+        "--light-paths", "4", "--degree", "2", "--depth", "4",
+    )  # fmt: skip
+    dry = prelight(*bake, "--dry-run", "--json")
+    assert dry.code == 0
+    assert json.loads(dry.out)["basis_images"] == 9
+    assert not target.exists()
+    assert prelight(*bake).code == 0
+    rig.write_text("[[spot]]\nintensity = [6, 5, 4]\ntarget = [0, 0, 0]\n")
+    relit = prelight("relight", target, rig, "-o", tmp_path / "a.png", "--json")
+    assert relit.code == 0, relit.err
+    assert json.loads(relit.out)["receivers"] == 32 * 32
+    assert (tmp_path / "a.png").stat().st_size > 500
+    assert prelight("verify", target).code == 0
+    rig.write_text("[[disc]]\ndirection=[0,1,0]\nradius_deg=3\nradiance=[1,1,1]\n")
+    assert prelight("relight", target, rig).code == 2
+
+
+def test_refusals_are_one_line_before_any_work(prelight: Any, tmp_path: Path) -> None:
+    start = ("bake", "steerable", "stock:steerable-small", "-o", tmp_path / "a.prelight")
+    for options, words in (
+        (("--spot", "900,0,0"), "outside the scene"),
+        (("--spot", "1,2"), "X,Y,Z"),
+        (("--degree", "40"), "0 to 24"),
+        (("--size", "2048x2048", "--degree", "24", "--memory", "2GB"), "memory"),
+        (("--panel", "0,1,0/1,0,0/1,0,0"), "parallel"),
+        (("--spot", "a=0,1,0", "--spot", "a=0,1,1"), "twice"),
+        (("--components", "3", "--share", "0.5"), "choose one"),
+        (("--components", "99",), "1 to 36"),
+        (("--from-images", tmp_path / "none"), "no such folder"),
+        (("--parity", "odd", "--degree", "2"), "parity"),
+    ):
+        answer = prelight(*start, *options)
+        assert answer.code == 2, (options, answer.err)
+        assert words in answer.err, answer.err
+        assert answer.err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_components_keep_the_picture(scene: Any, tmp_path: Path) -> None:
+    """The paper's twelve of thirty-six."""
+    lamp = BakedLamp("key", SteeredSpot(LAMP_AT, 5))
+    settings = SteerableSettings((lamp,), images=IMAGES, keep=Keep(count=12))
+    bake = bake_steerable(scene, tmp_path / "twelve.prelight", settings=settings)
+    live = SteerableRelighter(open_steerable(bake))
+    span = basis_images(scene, lamp.lamp, EYE, settings=IMAGES).images.reshape(36, -1, 3)
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        light = Spot((1.0, 1.0, 1.0), target=tuple(rng.uniform(-0.5, 0.5, 3)), distribution=Power(5))
+        live.light([light], negligible=0.0)
+        expected = np.einsum("sc,spc->pc", light.coefficients(lamp.basis, live.layers["key"].place), span)
+        mse, peak = np.mean((live.radiance - expected) ** 2), np.percentile(expected, 99)
+        assert 10 * np.log10(peak**2 / mse) >= 35
