@@ -103,9 +103,7 @@ def quick_plan(
 ) -> tuple[Scene, EnvironmentPlan]:
     """A small scene, and a plan of it without the estimate."""
     scene = ball_on_floor(side=6, rings=5)
-    settings = EnvironmentSettings(
-        resolution=RESOLUTION, tolerance=tolerance, zones=zones, bounces=bounces
-    )
+    settings = EnvironmentSettings(resolution=RESOLUTION, tolerance=tolerance, zones=zones, bounces=bounces)
     figures = dict.fromkeys(("clusters", "rays", "receiver_directions", "seconds", "memory", "bytes"), 1)
     return scene, EnvironmentPlan(
         settings=settings,

@@ -44,7 +44,9 @@ def ball_bake(folders: pytest.TempPathFactory) -> Path:
 class Page:
     """What a browser's page does: says Hello, acknowledges frames, keeps the newest."""
 
-    def __init__(self, studio: LiveStudio, *, acknowledges: bool = True, version: int = PROTOCOL_VERSION) -> None:
+    def __init__(
+        self, studio: LiveStudio, *, acknowledges: bool = True, version: int = PROTOCOL_VERSION
+    ) -> None:
         self.acknowledges = acknowledges
         self.messages: list[dict[str, Any]] = []
         self.frames: list[tuple[FrameHeader, bytes]] = []

@@ -151,7 +151,9 @@ def test_spreading_is_the_transpose_of_gathering(rng):
     gathering = Gathering.trace(scene, LayerReceivers(scene, EnvironmentSettings()).occluders, rays=64)
     x, y = rng.random((2, len(scene.positions), 5, 3)).astype(np.float32)
     there = (x * gathering.bounce(y)).sum(axis=(0, 1), dtype=np.float64)
-    back = (Spreading(gathering).bounce(x) * y).sum(axis=(0, 1), dtype=np.float64)
+    spreading = Spreading(gathering, scene)
+    back = spreading.areas * spreading.bounce(x / spreading.areas)
+    back = (back * y).sum(axis=(0, 1), dtype=np.float64)
     np.testing.assert_allclose(there, back, rtol=1e-5)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -46,7 +47,9 @@ def test_a_sphere_above_a_plane_is_as_a_point_at_its_centre(nothing) -> None:
 def test_a_sphere_half_below_the_horizon_gives_what_is_above(nothing) -> None:
     """Centre on the horizon: the upper half of its cone, whose form factor is known (Naraghi and Chung 1982)."""
     h = np.float32(2.0)  # distance over radius
-    E = np.pi * lamp_light(nothing, np.zeros((1, 3), np.float32), UP, lamps=lamps(((1, 0, 0), 0.5)), rays=16384)
+    E = np.pi * lamp_light(
+        nothing, np.zeros((1, 3), np.float32), UP, lamps=lamps(((1, 0, 0), 0.5)), rays=16384
+    )
     exact = (np.arctan(1 / np.sqrt(h * h - 1)) - np.sqrt(h * h - 1) / (h * h)) / np.pi
     radiance = 1 / (4 * np.pi**2 * 0.5**2)
     assert E[0, 0, 0] == pytest.approx(np.pi * radiance * exact, rel=5e-3)
@@ -58,9 +61,13 @@ def test_inside_a_lamp_it_is_dark_and_behind_a_roof_too(nothing) -> None:
     assert (E[0] == 0).all()
     assert (E[1] > 0).all()
     roof = scene_of(grid(3, size=1.0, height=0.5))
-    shadowed = lamp_light(Occluders(roof.positions, roof.triangles), at[1:], UP, lamps=lamps(((0, 1, 0), 0.3)))
+    shadowed = lamp_light(
+        Occluders(roof.positions, roof.triangles), at[1:], UP, lamps=lamps(((0, 1, 0), 0.3))
+    )
     assert (shadowed == 0).all()
-    beyond = lamp_light(Occluders(roof.positions, roof.triangles), at[1:], UP, lamps=lamps(((0, 0.3, 0), 0.1)))
+    beyond = lamp_light(
+        Occluders(roof.positions, roof.triangles), at[1:], UP, lamps=lamps(((0, 0.3, 0), 0.1))
+    )
     assert (beyond > 0).all()  # the roof is farther than the lamp
 
 
@@ -93,7 +100,8 @@ def test_a_rectangle_over_a_plane_is_its_form_factor(nothing) -> None:
     shining = LuminousTriangles(
         square(1.0), np.float32([[1, 2, 4]] * 2), np.zeros(2, np.int32), 1
     )  # corners over ±0.5
-    E = triangle_light(nothing, np.float32([[0, 0, 0], [0.5, 0, 0.5]]), np.repeat(UP, 2, axis=0), lights=shining, rays=4096)
+    at = np.float32([[0, 0, 0], [0.5, 0, 0.5]])
+    E = triangle_light(nothing, at, np.repeat(UP, 2, axis=0), lights=shining, rays=4096)
 
     def corner(X: float, Y: float) -> float:
         p, q = np.sqrt(1 + X * X), np.sqrt(1 + Y * Y)
@@ -131,8 +139,8 @@ def test_a_finely_divided_light_in_any_order_is_that_light(nothing) -> None:
     """Triangles in an order with a period, as subdivision leaves them: rays fall on all of them alike."""
     side = np.linspace(-1, 1, 33)
     parts = []
-    for x0, x1 in zip(side[:-1], side[1:], strict=True):
-        for z0, z1 in zip(side[:-1], side[1:], strict=True):
+    for x0, x1 in pairwise(side):
+        for z0, z1 in pairwise(side):
             a, b, c, d = (x0, 1, z0), (x1, 1, z0), (x1, 1, z1), (x0, 1, z1)
             parts += [(a, b, c), (a, c, d)]
     corners = np.float32(parts)
@@ -176,7 +184,10 @@ def test_tiles_change_nothing_and_seeds_do(nothing, monkeypatch) -> None:
 def test_errors_fall_with_the_number_of_rays() -> None:
     """Half a shadow: evenly spread rays do better than 1/√n, and no pair shares its numbers with another."""
     occluders, at, up = half_shadow()
-    many = np.repeat(at, 400, axis=0) + np.float32([0, 1e-3, 0]) * np.arange(400, dtype=np.float32)[:, None] / 400
+    many = (
+        np.repeat(at, 400, axis=0)
+        + np.float32([0, 1e-3, 0]) * np.arange(400, dtype=np.float32)[:, None] / 400
+    )
     of = lamps(((0.05, 1, 0), 0.3))
     deviations = []
     for rays in (16, 256):

@@ -67,6 +67,22 @@ def test_light_found_again_is_the_same_to_the_last_bit(several, rng):
     np.testing.assert_array_equal(tree.light, fresh.light)
 
 
+def test_what_a_rectangle_touches_is_found(tmp_path, rng):
+    """Among thousands of nodes, most of them in boxes that are passed by."""
+    resolution = 32
+    zones = [random_zone(rng, np.arange(32, dtype=np.int32), channels=1, resolution=resolution, splits=0.97)]
+    tree = LightTree(EnvironmentLayer(write_bake(tmp_path, zones, resolution=resolution, rows=32)))
+    assert len(tree) > 3000
+    cube = np.zeros((6, resolution, resolution, 3), np.float32)
+    f, i, j, h, w = tree.nodes.T
+    for face, top, left in rng.integers(0, [6, resolution, resolution], (40, 3)).tolist():
+        bottom, right = rng.integers([top + 1, left + 1], resolution + 1).tolist()
+        cube[face, top:bottom, left:right] += 1
+        changed, _ = tree.light_part(cube, face, (top, left, bottom, right))
+        there = (f == face) & (i < bottom) & (i + h > top) & (j < right) & (j + w > left)
+        np.testing.assert_array_equal(changed, np.flatnonzero(there))
+
+
 @pytest.mark.parametrize("resolution", [1, 2, 5, 64])
 def test_trees_of_any_resolution(tmp_path, rng, resolution):
     zones = [

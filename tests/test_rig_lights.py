@@ -165,6 +165,13 @@ def test_the_documents_example_is_read_and_names_every_key(rig) -> None:
             assert re.search(rf"\b{key}\b", text), key
 
 
+def test_lights_without_a_place_are_not_ignored(rig, tmp_path: Path) -> None:
+    rig(SPOT)
+    with pytest.raises(InputError, match="no layer of this bake has a place for them"):
+        _ = Rig.open(str(tmp_path / "rig.toml")).surroundings
+    assert Rig.open("stock:noon").surroundings.total.max() > 0
+
+
 def test_a_measured_lamp_says_where_it_is_wrong(rig, tmp_path: Path) -> None:
     (tmp_path / "lamp.ies").write_bytes(LAMBERT.replace(b"1 1 50", b"1 one 50"))
     with pytest.raises(InputError, match=r"lamp.ies: 'one' is no number .*\(line 6, rig.toml /spot/0\)"):

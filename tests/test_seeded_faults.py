@@ -16,8 +16,8 @@ from prelight.scene.geometry import Scene
 from prelight.scene.mesh import textured
 from prelight.transport import gathering, hemisphere, hit_colour, lamps
 from prelight.transport.bounces import bounced
-from prelight.transport.exact import integrate
 from prelight.transport.direct import DiffuseTransfer
+from prelight.transport.exact import integrate
 from prelight.transport.gathering import Gathering
 from prelight.transport.lamps import SphereLamps, lamp_light
 from prelight.transport.path_traced_light import LightWithVariance, LitScene
@@ -52,7 +52,7 @@ def furnace_is_right() -> bool:
 
 
 def lamps_are_right() -> bool:
-    """The sum of 64 lamps against the path tracer: no bias that it can detect, and it detects one of 1 %."""
+    """The sum of 64 lamps against the path tracer: no bias beyond 0.2 % and noise, and it detects one of 1 %."""
     scene = ball_on_floor(side=21, rings=8)
     rng = np.random.default_rng(5)
     centres = rng.uniform((-1.2, 1.3, -1.2), (1.2, 1.6, 1.2), (64, 3)).astype(np.float32)
@@ -63,7 +63,7 @@ def lamps_are_right() -> bool:
     E = lamp_light(occluders, scene.positions[rows], scene.normals[rows], lamps=of).sum(axis=1)
     found = LitScene(scene, lamps=of).light(rows, bounces=0, samples=4096)
     figures = compare(E, found.direct, found.direct_variance)
-    return figures.is_unbiased and figures.detectable_bias < 0.01
+    return abs(figures.signed_mean) <= max(figures.detectable_bias, 2e-3) < 0.01
 
 
 def shadows_are_right() -> bool:
@@ -77,7 +77,9 @@ def shadows_are_right() -> bool:
 def niche() -> Scene:
     """A floor and a wall with a chequered texture each, dark and light, under an open sky."""
     wall, triangles = grid(25, size=2.0)
-    wall = np.stack([wall[:, 0], -wall[:, 2] + 1.02, wall[:, 1] - 1.0], axis=1)  # stands behind the floor, faces +Z
+    wall = np.stack(
+        [wall[:, 0], -wall[:, 2] + 1.02, wall[:, 1] - 1.0], axis=1
+    )  # stands behind the floor, faces +Z
     scene = scene_of(grid(25, size=2.0), (wall.astype(np.float32), triangles))
     side = np.indices((64, 64)).sum(axis=0) // 8 % 2
     texture = np.repeat(np.where(side, 200, 90).astype(np.uint8)[..., None], 3, axis=2)
@@ -105,7 +107,9 @@ def bounce_is_right() -> bool:
     indirect = bounced(traced(scene), D).indirect[:, 0]
     rows, found = bounced_reference()
     figures = compare(indirect[rows], found.indirect, found.indirect_variance)
-    return abs(figures.signed_mean) < 0.015 and figures.mean_difference < 0.04 and figures.detectable_bias < 0.01
+    return (
+        abs(figures.signed_mean) < 0.015 and figures.mean_difference < 0.04 and figures.detectable_bias < 0.01
+    )
 
 
 def samples_are_independent() -> bool:

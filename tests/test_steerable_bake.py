@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,14 @@ PANEL = BakedLamp("top", SteeredPanel((-0.5, 1.5, -0.4), (1.0, 0, 0), (0, 0, 1.0
 SETTINGS = SteerableSettings((SPOT, PANEL), images=IMAGES, keep="all")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def small_strips() -> Iterator[None]:
+    """So that a small bake has parts."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(steerable, "strip_pixels", lambda *_: 64)
+        yield
+
+
 @pytest.fixture(scope="module")
 def scene() -> Any:
     return room(mirror=True)
@@ -61,7 +70,6 @@ def test_the_same_bake_is_the_same_bytes_and_so_is_one_that_was_stopped(
     scene: Any, bake: Bake, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / "room.prelight"
-    monkeypatch.setattr(steerable, "strip_pixels", lambda *_: 64)  # more parts; the bytes do not hang on them
     traced, stop = steerable.BasisTracer.pixels, [3]
 
     def until(tracer: Any, first: int, count: int, **how: Any) -> Any:
@@ -90,7 +98,12 @@ def test_the_same_bake_is_the_same_bytes_and_so_is_one_that_was_stopped(
         (lambda m: m["layers"]["key"]["parameters"].update(basis=3), "basis"),
         (lambda m: m["layers"]["key"].update(camera=None), "eye"),
         (lambda m: m["layers"]["key"].update(coefficients=3), "planes"),
-        (lambda m: m["layers"]["key"]["parameters"].update(basis='{"kind": "spot", "degree": 4, "parity": "all"}'), "fit"),
+        (
+            lambda m: m["layers"]["key"]["parameters"].update(
+                basis='{"kind": "spot", "degree": 4, "parity": "all"}'
+            ),
+            "fit",
+        ),
         (lambda m: m["layers"]["key"]["parameters"].update(basis='{"kind": "sun"}'), "fit"),
         (lambda m: m["layers"]["key"]["parameters"].update(basis="[" * 5000), "fit"),
         (lambda m: m["layers"]["key"]["parameters"].update(place='{"kind": "spot"}'), "fit"),
@@ -161,7 +174,13 @@ def test_refusals_are_one_line_before_any_work(prelight: Any, tmp_path: Path) ->
         (("--panel", "0,1,0/1,0,0/1,0,0"), "parallel"),
         (("--spot", "a=0,1,0", "--spot", "a=0,1,1"), "twice"),
         (("--components", "3", "--share", "0.5"), "choose one"),
-        (("--components", "99",), "1 to 36"),
+        (
+            (
+                "--components",
+                "99",
+            ),
+            "1 to 36",
+        ),
         (("--from-images", tmp_path / "none"), "no such folder"),
         (("--parity", "odd", "--degree", "2"), "parity"),
     ):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from prelight.bases.panels import PanelBasis
+from prelight.bases.products import ProductBasis
 from prelight.bases.steering import SpotBasis
 from prelight.encoding.principal_components import Keep
 from prelight.errors import InputError
@@ -119,6 +121,32 @@ def test_a_panel_wherever_it_is(shape) -> None:
     wanted = panel_light(light) * [2.0, 1.0, 0.5]
     np.testing.assert_allclose(relighter.radiance, wanted, atol=0.01 * wanted.max())
     assert relighter.notes([panel]) == []
+
+
+def test_a_panel_that_turns_and_a_box_of_light(rng: np.random.Generator) -> None:
+    """Position times direction, and three dimensions: coefficients against the light itself."""
+    basis = ProductBasis(PanelBasis((2, 2)), SpotBasis(3))
+    place = Place("panel", (0, 1, 0), ((1, 0, 0), (0, 0, -2)))  # shines up: first × second
+    x, d = rng.random((80, 2)), rng.standard_normal((80, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    where = ((0.5 + 0.5 * np.cos(2.0 * np.pi * (x - [0.3, 0.6]))) ** 1).prod(axis=1)
+    for beam, aim, power, colour in (
+        (None, (0.0, 1.0, 0.0), 3, (1.0, 2.0, 3.0)),
+        (Spot((2, 2, 2), direction=(1, 1, 0), distribution=Power(2.0)), unit((1, 1, 0)), 2, (2.0, 4.0, 6.0)),
+        (Spot((1, 1, 1), target=(0.5, 1.0, 9.0)), (0.0, 0.0, 1.0), 3, (1.0, 2.0, 3.0)),
+    ):
+        panel = Panel((0.3, 0.6), (1.0, 1.0), (1.0, 2.0, 3.0), beam=beam)
+        light = basis.evaluate(x, d) @ panel.coefficients(basis, place)
+        wanted = where * ((1.0 + d @ np.array(aim)) / 2.0) ** power
+        np.testing.assert_allclose(light, wanted[:, None] * colour, atol=1e-6)
+        assert panel.notes(basis, place) == [] or "opposite edge" in panel.notes(basis, place)[0]
+    box, inside = PanelBasis((1, 2, 1)), rng.random((60, 3))
+    lamp = Panel((0.5, 0.4, 0.7), (1.0, 1.0, 1.0), (3.0, 2.0, 1.0))
+    light = box.evaluate(inside) @ lamp.coefficients(
+        box, Place("box", edges=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    )
+    wanted = (0.5 + 0.5 * np.cos(2.0 * np.pi * (inside - lamp.position))).prod(axis=1)
+    np.testing.assert_allclose(light, wanted[:, None] * [3.0, 2.0, 1.0], atol=1e-9)
 
 
 def test_the_range_that_is_free_of_copies() -> None:

@@ -146,7 +146,10 @@ def strangers(studio: LiveStudio) -> dict[str, tuple[str | None, dict[str, str |
         "a host without port": ("", {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}),
         "another port as host": ("", {"Host": f"127.0.0.1:{port + 1}", "Origin": other}),
         "IPv6": ("", {"Host": f"[::1]:{port}", "Origin": f"http://[::1]:{port}"}),
-        "IPv4 in IPv6": ("", {"Host": f"[::ffff:127.0.0.1]:{port}", "Origin": f"http://[::ffff:127.0.0.1]:{port}"}),
+        "IPv4 in IPv6": (
+            "",
+            {"Host": f"[::ffff:127.0.0.1]:{port}", "Origin": f"http://[::ffff:127.0.0.1]:{port}"},
+        ),
         "a short address": ("", {"Host": f"127.1:{port}", "Origin": f"http://127.1:{port}"}),
         "an address as a number": ("", {"Host": f"2130706433:{port}", "Origin": f"http://2130706433:{port}"}),
         "no address": ("", {"Host": f"0.0.0.0:{port}", "Origin": f"http://0.0.0.0:{port}"}),
@@ -178,15 +181,18 @@ def test_strangers_get_no_socket(studio: LiveStudio, monkeypatch) -> None:
     for who, (cookie, headers) in strangers(studio).items():
         if who == "a huge cookie":
             continue  # more than the socket's parser reads at all
-        cookie = studio.cookie if cookie == "" else cookie
+        given = studio.cookie if cookie == "" else cookie
         origin = headers.get("Origin", f"http://{studio.host}")
         extra = {k: v for k, v in headers.items() if k not in ("Origin", "Host") and v}
-        if cookie:
-            extra["Cookie"] = cookie
+        if given:
+            extra["Cookie"] = given
         if "Host" in headers:
-            status = _handshake(studio, cookie=cookie or "", host=str(headers["Host"]), origin=origin)
+            status = _handshake(studio, cookie=given or "", host=str(headers["Host"]), origin=origin)
         else:
-            with pytest.raises(InvalidStatus) as refused, studio.connect(origin=origin, additional_headers=extra):
+            with (
+                pytest.raises(InvalidStatus) as refused,
+                studio.connect(origin=origin, additional_headers=extra),
+            ):
                 pass
             status = refused.value.response.status_code
         assert status in (401, 403), who
@@ -225,16 +231,18 @@ def test_two_hosts_and_two_cookies_are_one_too_many(studio: LiveStudio) -> None:
 
 ESCAPES = [
     "../canary.txt", "..%2fcanary.txt", "%2e%2e/canary.txt", "%2e%2e%2fcanary.txt", "..%252fcanary.txt",
-    "%252e%252e%252fcanary.txt", "..\\canary.txt", "..%5ccanary.txt", "%2e%2e%5ccanary.txt", "....//canary.txt",
-    "..;/canary.txt", "..%00/canary.txt", "canary.txt%00.js", "../root-x/canary.js", "..%2froot-x%2fcanary.js",
-    "../root/../canary.txt", "./../canary.txt", "sub/../../canary.txt", "sub/canary.js", "sub%2fcanary.js", "/canary.txt",
-    "//canary.txt", "%2fcanary.txt", "%2f%2fcanary.txt", "\\canary.txt", "~/canary.txt", "notes.txt", "sub", "sub/", ".",
-    "..", "../", "%c0%ae%c0%ae/canary.txt", "%e0%80%ae%e0%80%ae/canary.txt", "\u2024\u2024/canary.txt",
-    "..%c0%afcanary.txt", "..%ef%bc%8fcanary.txt", "file:canary.txt", "file:///{folder}/canary.txt", "{folder}/canary.txt",
-    "//{folder}/canary.txt", "..%2f..%2f..%2f..%2fetc%2fpasswd", "/etc/passwd", "%2fetc%2fpasswd", "/proc/self/environ",
-    "../../../../../../../../etc/passwd", "index.html/../../canary.txt", "studio.js/../../canary.txt", "studio.js%00",
-    "studio.js/", "STUDIO.JS", "studio.js.", "studio.js::$DATA", "studio.js%20", "c:/canary.txt", "\\\\host\\canary.txt",
-    "?path=../canary.txt", "#/../canary.txt", "__init__.py", "../server.py", "..%2f..%2fserver.py", "web/source/messages.ts",
+    "%252e%252e%252fcanary.txt", "..\\canary.txt", "..%5ccanary.txt", "%2e%2e%5ccanary.txt",
+    "....//canary.txt", "..;/canary.txt", "..%00/canary.txt", "canary.txt%00.js", "../root-x/canary.js",
+    "..%2froot-x%2fcanary.js", "../root/../canary.txt", "./../canary.txt", "sub/../../canary.txt",
+    "sub/canary.js", "sub%2fcanary.js", "/canary.txt", "//canary.txt", "%2fcanary.txt", "%2f%2fcanary.txt",
+    "\\canary.txt", "~/canary.txt", "notes.txt", "sub", "sub/", ".", "..", "../", "%c0%ae%c0%ae/canary.txt",
+    "%e0%80%ae%e0%80%ae/canary.txt", "\u2024\u2024/canary.txt", "..%c0%afcanary.txt",
+    "..%ef%bc%8fcanary.txt", "file:canary.txt", "file:///{folder}/canary.txt", "{folder}/canary.txt",
+    "//{folder}/canary.txt", "..%2f..%2f..%2f..%2fetc%2fpasswd", "/etc/passwd", "%2fetc%2fpasswd",
+    "/proc/self/environ", "../../../../../../../../etc/passwd", "index.html/../../canary.txt",
+    "studio.js/../../canary.txt", "studio.js%00", "studio.js/", "STUDIO.JS", "studio.js.",
+    "studio.js::$DATA", "studio.js%20", "c:/canary.txt", "\\\\host\\canary.txt", "?path=../canary.txt",
+    "#/../canary.txt", "__init__.py", "../server.py", "..%2f..%2fserver.py", "web/source/messages.ts",
 ]  # fmt: skip
 
 
@@ -245,7 +253,11 @@ def test_no_spelling_leads_out(studio: LiveStudio, tmp_path) -> None:
     listening = True
 
     def hook(event: str, arguments: tuple) -> None:
-        if listening and event in ("open", "os.listdir", "os.scandir") and isinstance(arguments[0], str | bytes):
+        if (
+            listening
+            and event in ("open", "os.listdir", "os.scandir")
+            and isinstance(arguments[0], str | bytes)
+        ):
             opened.append(str(arguments[0]))
 
     sys.addaudithook(hook)
@@ -259,7 +271,9 @@ def test_no_spelling_leads_out(studio: LiveStudio, tmp_path) -> None:
                 assert b"root:" not in answer.content, prefix + path  # type: ignore[attr-defined]
     finally:
         listening = False
-    assert not [name for name in opened if "canary" in name or "passwd" in name or "notes" in name or "root" in name]
+    assert not [
+        name for name in opened if "canary" in name or "passwd" in name or "notes" in name or "root" in name
+    ]
 
 
 def test_the_page_is_what_it_was_when_the_studio_began(studio: LiveStudio) -> None:

@@ -51,11 +51,15 @@ def test_at_rest_it_is_what_the_relighter_says(light, bake) -> None:
     found = unpacked(lit(light, state))
     other = Relighter(bake)
     lamp = Disc.at(-125, 35, radius_deg=8, radiance=(6, 5, 4), softness=0.5)
-    other.environment = Environment.stock("noon").rotated(40).scaled(1.5).tinted((1, 0.7, 0.2)).with_disc(lamp)
+    other.environment = (
+        Environment.stock("noon").rotated(40).scaled(1.5).tinted((1, 0.7, 0.2)).with_disc(lamp)
+    )
     assert len(other.strong_lights) > 0
     expected = other.irradiance
     assert np.abs(found - expected).max() <= expected.max() * 2.0**-9
-    assert np.abs(found / 0.8 - other.radiance / 0.64).max() < 0.02 * expected.max()  # before the albedo of 0.8
+    assert (
+        np.abs(found / 0.8 - other.radiance / 0.64).max() < 0.02 * expected.max()
+    )  # before the albedo of 0.8
 
 
 def test_what_is_seen_depends_on_the_state_alone(light, bake) -> None:
@@ -75,7 +79,11 @@ def test_what_is_seen_depends_on_the_state_alone(light, bake) -> None:
 def test_scale_and_tint_read_no_transport(light) -> None:
     state = rig(LAMP)
     lit(light, state)
-    for change in (SetEnvironment(scale=3.0), SetEnvironment(tint=(0.0, 2.0, 1.0)), SetEnvironment(scale=0.0)):
+    for change in (
+        SetEnvironment(scale=3.0),
+        SetEnvironment(tint=(0.0, 2.0, 1.0)),
+        SetEnvironment(scale=0.0),
+    ):
         state = rig(change, start=state)
         is_exact, kind, _ = light.relight(state, exact=False, check=pytest.fail)
         assert (is_exact, kind) == (True, "gain")
@@ -110,7 +118,9 @@ def test_in_the_hand_it_is_nearly_the_same(light) -> None:
         state = rig(SetEnvironment("stock:noon", turn))
         coarse = unpacked(lit(light, state, exact=False))
         exact = unpacked(lit(light, state))
-        assert np.abs(coarse - exact).mean() < 0.06 * exact.mean()  # of that the clusters' part, with one sun, 0.04
+        assert (
+            np.abs(coarse - exact).mean() < 0.06 * exact.mean()
+        )  # of that the clusters' part, with one sun, 0.04
         total.append(coarse.mean() / exact.mean())
     assert np.abs(np.array(total) - 1).max() < 0.06
     assert np.ptp(total) < 0.05
@@ -153,7 +163,8 @@ def test_the_rig_survives_the_file(tmp_path) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{}", "[]", "null", '{"format": "prelight-studio"', '{"format": "prelight-studio", "version": 2, "messages": []}',
+    ["", "{}", "[]", "null", '{"format": "prelight-studio"',
+     '{"format": "prelight-studio", "version": 2, "messages": []}',
      '{"format": "prelight-studio", "version": 1, "messages": 3}', "[" * 50_000, "x" * 200_000,
      '{"format": "prelight-studio", "version": 1, "messages": [{"type": "SetEnvironment", "scale": NaN}]}',
      '{"format": "prelight-studio", "version": 1, "messages": [{"type": "Seen", "frame": 1}]}',

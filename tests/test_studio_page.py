@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from prelight.camera import Camera
-from prelight.images.tonemap import exposure_for, tonemap
+from prelight.images.tonemap import exposure_for, srgb_decode, tonemap
 
 from .studio_browser import HEIGHT, WIDTH, chromium, visiting
 from .studio_stand_in import COLUMNS, ROWS, StandIn, patches, serving, state, unpacked
@@ -185,3 +185,28 @@ def test_a_disc_of_the_rig_stands_in_the_sky(browser):
         angles = np.degrees(np.arccos(np.clip(d @ middle, -1, 1)))
         assert angles.max() == pytest.approx(4.0, abs=0.2)
         assert len(x) == pytest.approx(np.pi * (focal * np.tan(np.radians(4.0))) ** 2, rel=0.08)
+
+
+def test_pixels_are_shown_as_a_picture_with_the_sky_behind(browser, rng):
+    """Row by row from the top, in the panel's free part; pixel = row + (1 − coverage)·sky."""
+    wide, high = 16, 9
+    rows = rng.uniform(0, 0.7, (wide * high, 3))
+    coverage = rng.choice(np.array([0, 128, 255], np.uint8), (high, wide))
+    studio = patches(rows[: ROWS * COLUMNS])
+    studio.radiance = lambda _: rows
+    studio.welcome = {"pixels": [wide, high], "receivers": wide * high}
+    studio.arrays = {"coverage": coverage}
+    with serving(studio), visiting(browser, studio.url) as visit:
+        visit.settled()
+        visit.page.get_by_role("radio", name="Linear").click()
+        bare(visit)
+        visit.page.wait_for_timeout(100)
+        side = HEIGHT // high
+        shown = visit.pixels()[side // 2 :: side, side // 2 :: side].reshape(-1, 3)
+        seen = unpacked(np.frombuffer(studio.frame()[32:], "<u4"))
+        linear = seen + (1 - coverage.reshape(-1, 1) / 255) * 0.25
+        difference = srgb_decode(shown.astype(np.uint8)) - linear
+        assert np.abs(difference).max() < 0.04  # looked at a sixtieth of a pixel beside its middle
+        assert np.abs(difference).mean() < 0.008
+        assert visit.page.get_by_role("navigation").is_hidden()
+        assert not visit.complaints

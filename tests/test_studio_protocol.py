@@ -35,13 +35,28 @@ MESSAGES = [
 
 NO_NUMBERS = ["NaN", "Infinity", "-Infinity", "1e39", "-1e39", "1e400", '"1"', "true", "null", "[1]", "{}", "[]",
               "1" + "0" * 400, "1" * 5000]  # fmt: skip
-DISC = {"id": "a", "azimuth_deg": 1, "elevation_deg": 2, "radius_deg": 3, "radiance": [1, 2, 3], "softness": 0}
+DISC = {
+    "id": "a",
+    "azimuth_deg": 1,
+    "elevation_deg": 2,
+    "radius_deg": 3,
+    "radiance": [1, 2, 3],
+    "softness": 0,
+}
 OUT_OF_RANGE = {
     "azimuth_deg": ["-361", "361"],
     "elevation_deg": ["-90.01", "91"],
     "radius_deg": ["0", "-1", "90.1", "1e-9"],
     "softness": ["-1e-300", "1.01"],
-    "radiance": ["1", "[1, 2]", "[1, 2, 3, 4]", "[1, 2, -1]", "[1, 2, 1e8]", '"123"', '{"0": 1, "1": 2, "2": 3}'],
+    "radiance": [
+        "1",
+        "[1, 2]",
+        "[1, 2, 3, 4]",
+        "[1, 2, -1]",
+        "[1, 2, 1e8]",
+        '"123"',
+        '{"0": 1, "1": 2, "2": 3}',
+    ],
     "id": ['""', '"../a"', '"a b"', '"<b>"', '"é"', '"' + "a" * 17 + '"', '"a\\u0000"', '"a\\n"', "1"],
 }
 
@@ -60,12 +75,18 @@ def bad_messages() -> list[str]:
             found.append(json.dumps({"type": "SetDisc", **{k: v for k, v in DISC.items() if k != field}}))
     for n in NO_NUMBERS:
         found += [disc("radiance", f"[1, {n}, 3]")]
-        found += [f'{{"type":"SetEnvironment","tint":[{n},1,1]}}', f'{{"type":"SetEnvironment","tint":[1,1,{n}]}}']
+        found += [
+            f'{{"type":"SetEnvironment","tint":[{n},1,1]}}',
+            f'{{"type":"SetEnvironment","tint":[1,1,{n}]}}',
+        ]
         if n != "null":  # the same as not given
-            found += [f'{{"type":"SetEnvironment","{f}":{n}}}' for f in ("scale", "rotation_deg", "environment") if '"' not in n or f != "environment"]
+            found += [
+                f'{{"type":"SetEnvironment","{f}":{n}}}'
+                for f in ("scale", "rotation_deg", "environment")
+                if '"' not in n or f != "environment"
+            ]
     found += ['{"type":"SetEnvironment","scale":-1e-300}', '{"type":"SetEnvironment","tint":[-1,1,1]}']
-    numbers = NO_NUMBERS
-    for n in (*numbers[:8], "1.5", "4294967296", "null"):
+    for n in (*NO_NUMBERS[:8], "1.5", "4294967296", "null"):
         found += [f'{{"type":"Seen","frame":{n}}}', f'{{"type":"Hello","version":{n}}}']
     for n in OUT_OF_RANGE["id"]:
         found.append(f'{{"type":"RemoveDisc","id":{n}}}')
@@ -75,9 +96,10 @@ def bad_messages() -> list[str]:
         found.append(f'{{"type":"SetEnvironment","dragging":{n}}}')
     for kind in ("Welcome", "State", "_Message", "__class__", "setdisc", "SetEnvironment ", "eval"):
         found += [json.dumps({"type": kind}), json.dumps({"type": [kind]}), json.dumps({"kind": kind})]
-    found += ["", " ", "null", "[]", "1", '"SetDisc"', "{", "}", '{"type":', "\x00", "\ud800".encode("utf-8", "replace").decode(),
-              "[" * 8000, '{"a":' * 3000, '{"type":"SetEnvironment","extra":1}', '{"type":"RemoveDisc","id":"a","id2":1}',
-              '{"type":"SetEnvironment","scale":1e}', "a" * 17000, json.dumps({"type": "SetEnvironment", "x" * 9000: 1})]  # fmt: skip
+    found += ["", " ", "null", "[]", "1", '"SetDisc"', "{", "}", '{"type":', "\x00", "\ufffd", "[" * 8000]
+    found += ['{"a":' * 3000, '{"type":"SetEnvironment","extra":1}', '{"type":"RemoveDisc","id":"a","id2":1}']
+    found += ['{"type":"SetEnvironment","scale":1e}', "a" * 17000]
+    found += [json.dumps({"type": "SetEnvironment", "x" * 9000: 1})]
     return found
 
 

@@ -12,7 +12,9 @@ from prelight.studio.rgb9e5_kernels import LARGEST, pack
 NOTHING = np.zeros((1, 3), np.float32)
 
 
-def packed(rows: np.ndarray, *, gain=(1, 1, 1), discs: np.ndarray | None = None, chunks: int = 2) -> np.ndarray:
+def packed(
+    rows: np.ndarray, *, gain=(1, 1, 1), discs: np.ndarray | None = None, chunks: int = 2
+) -> np.ndarray:
     out = np.full(len(rows), 0xDEADBEEF, np.uint32)
     discs = np.zeros_like(rows) if discs is None else discs
     pack(rows, np.array(gain, np.float32), discs, out, chunks)
@@ -57,7 +59,7 @@ def test_the_error_is_half_a_step(colours) -> None:
 
 def test_zeros_are_exact_and_nothing_is_not_a_number() -> None:
     odd = np.array(
-        [[0, 0, 0], [-0.0, -1, -np.inf], [np.nan, np.nan, np.nan], [np.nan, 256, np.inf], [1e38, 0, 65409], [1e-40, 0, 0]],
+        [[0, 0, 0], [-0.0, -1, -np.inf], [np.nan] * 3, [np.nan, 256, np.inf], [1e38, 0, 65409], [1e-40, 0, 0]],
         np.float32,
     )  # fmt: skip
     assert packed(odd)[:3].tolist() == [0, 0, 0]

@@ -67,8 +67,9 @@ def test_a_page_is_welcomed_and_sees_the_light(shared: LiveStudio, bake) -> None
 def test_the_scene_comes_as_it_is_in_the_bake(shared: LiveStudio, bake) -> None:
     index = json.loads(shared.get("/geometry.json"))
     scene = Bake.open(bake)
-    wanted = {"positions": scene.receivers.positions, "normals": scene.receivers.normals, "tint": scene.tint,
-              "albedo": scene.receivers.albedo, "triangles": scene.triangles, "material_of": scene.material_of}  # fmt: skip
+    mesh = scene.receivers
+    wanted = {"positions": mesh.positions, "normals": mesh.normals, "tint": scene.tint, "albedo": mesh.albedo,
+              "triangles": scene.triangles, "material_of": scene.material_of}  # fmt: skip
     assert index["arrays"].keys() == wanted.keys()
     for name, array in wanted.items():
         record = index["arrays"][name]
@@ -179,9 +180,7 @@ def test_a_large_message_closes_the_socket(shared: LiveStudio) -> None:
     with shared.page() as bad, shared.page() as good:
         start = sequence_of(bad)
         with pytest.raises(ConnectionClosed) as closed:
-            bad.send('{"type":"' + "x" * 1_000_000 + '"}')
-            while True:
-                bad.take()
+            _send_for_ever(bad, '{"type":"' + "x" * 1_000_000 + '"}', times=1)
         assert closed.value.rcvd.code == 1009
         assert sequence_of(good) == start
 
@@ -190,13 +189,18 @@ def test_a_flood_closes_the_socket(shared: LiveStudio) -> None:
     with shared.page() as bad, shared.page() as good:
         sequence_of(good)
         with pytest.raises(ConnectionClosed) as closed:
-            for _ in range(20_000):
-                bad.socket.send('{"type":"RemoveDisc","id":"none"}')
-            while True:
-                bad.take()
+            _send_for_ever(bad, '{"type":"RemoveDisc","id":"none"}', times=20_000)
         assert closed.value.rcvd is None or closed.value.rcvd.code == 1008
         good.send(SetEnvironment(scale=1.0))
         good.message("State")
+
+
+def _send_for_ever(page: Page, text: str, *, times: int) -> None:
+    """So often, then listen until the socket is closed."""
+    for _ in range(times):
+        page.send(text)
+    while True:
+        page.take()
 
 
 def test_there_is_room_for_thirty(shared: LiveStudio, monkeypatch) -> None:
@@ -204,9 +208,8 @@ def test_there_is_room_for_thirty(shared: LiveStudio, monkeypatch) -> None:
     with shared.page() as one, shared.page() as two:
         one.message("Welcome")
         two.message("Welcome")
-        with shared.connect() as third:
-            with pytest.raises(ConnectionClosed) as closed:
-                third.recv(10)
+        with shared.connect() as third, pytest.raises(ConnectionClosed) as closed:
+            third.recv(10)
         assert closed.value.rcvd.code == 1013
 
 
@@ -308,7 +311,9 @@ def test_a_damaged_bake_ends_the_studio(bake, tmp_path) -> None:
     data = bytearray(tiles.read_bytes())
     data[40] ^= 1
     tiles.write_bytes(data)
-    studio = Studio(Served(Bake.open(tmp_path / "b.prelight"), Environments(), tmp_path / "a.json", print), port=0)
+    studio = Studio(
+        Served(Bake.open(tmp_path / "b.prelight"), Environments(), tmp_path / "a.json", print), port=0
+    )
     with pytest.raises(DamagedBakeError):
         studio.serve()
 

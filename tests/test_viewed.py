@@ -26,6 +26,7 @@ from .scenes import ball_on_floor, grid, plane, scene_of
 WHITE = Material(colour=(1, 1, 1))
 ROUGH_GOLD = Material(bsdf={"type": "roughconductor", "alpha": 0.15})  # reflects all that it does not shadow
 LACQUER = Material(colour=(0.7, 0.2, 0.1), roughness=0.5, specular=1.0)
+METAL = Material(colour=(0.9, 0.6, 0.4), roughness=0.4, metallic=1.0)
 EYE = (0.4, 1.7, 2.0)
 
 
@@ -281,3 +282,20 @@ def test_the_unshadowed_part_of_a_matt_surface_is_its_integral(pixels):
     expected = np.float32([0.6, 0.3, 0.9])[:, None] / np.pi * D_C[0, 1] * covered
     np.testing.assert_allclose(kept, expected, atol=0.51 * scale.max())
     assert abs(rows.mean(axis=0).max() / expected.max() - 1) > 0.02, "the plain mean would do"
+
+
+@pytest.mark.parametrize(("material", "side"), [(Material(colour=(0.6, 0.3, 0.9)), 2), (METAL, 8)])
+def test_samples_that_leave_nothing_to_estimate_are_not_corrected(material, side):
+    """All lights of a node are samples, as in small nodes; or what they bring is no cosine: the mean itself."""
+    scene = made_of(plane(5), material)
+    transfer = viewed(scene, vertex_points(scene, EYE))
+    node = np.array([[2, 0, 0, side, side]], np.int32)  # of +Y, wide and to one side
+    texels = sample_texels(node, 3, 8)
+    d = texel_directions(np.maximum(texels[0], 0), 8)
+    rows, _ = transfer.trace(d)
+    D_C = mean_directions(node, 8).astype(np.float32)
+    sample = np.where(texels >= 0, np.arange(9), -1).astype(np.int32)
+    columns, scale = transfer.quantized_means(rows, sample, d[None], D_C)
+    mean = rows[sample[0] >= 0].mean(axis=0)
+    assert mean.max() > 0.02
+    np.testing.assert_allclose(columns[0] * scale[0][:, None], mean, atol=0.51 * scale.max())

@@ -122,7 +122,10 @@ def _reference(
     once = lamp.light(rows, origins=stand, bounces=0, samples=paths["direct"], report=_say("direct"))
     every = lamp.light(rows, origins=stand, samples=paths["indirect"], seed=1, report=_say("indirect"))
     seconds = time.perf_counter() - started
-    found = {"direct": (once.direct, once.direct_variance), "indirect": (every.indirect, every.indirect_variance)}
+    found = {
+        "direct": (once.direct, once.direct_variance),
+        "indirect": (every.indirect, every.indirect_variance),
+    }
     flat = {n: found[n][0] for n in names} | {n + "_variance": found[n][1] for n in names}
     np.savez(kept, rows=rows, stand=stand[rows], seconds=seconds, paths=list(paths.values()), **flat)
     return _with_total(found, seconds)
@@ -175,10 +178,14 @@ def _picture(lit: lit_scenes.LitScene, baked: Baked, path: Path) -> None:
     theirs = _path_traced(lit, camera)
     covered = view.coverage[..., None] > 0.999
     theirs = np.where(covered, theirs, ours.linear)
-    white = float(np.percentile(theirs, 98.5))
-    factor = min(readable_factor(white, ours.linear, theirs), 20.0)
+    shining = view.draw(emission).linear.any(
+        axis=2, keepdims=True
+    )  # the lamp's edge is a matter of pixel filters
+    white = float(np.percentile(theirs[~shining[..., 0]], 98.5))
+    without = np.where(shining, theirs, ours.linear)
+    factor = min(readable_factor(white, without, theirs), 20.0)
     shown = [_bytes(image / white) for image in (ours.linear, theirs)]
-    difference = difference_picture(ours.linear, theirs, factor=factor, white=white)
+    difference = difference_picture(without, theirs, factor=factor, white=white)
     captions = ["gathered from vertices", f"path tracer, {PIXEL_PATHS} paths a pixel", "difference"]
     save_figure(panels([*shown, difference], captions), path, force=True)
 
@@ -200,7 +207,13 @@ def _path_traced(lit: lit_scenes.LitScene, camera: Any) -> np.ndarray:
     elif "lamps" in lit.lights:
         lights = path_traced_light.lamps_of_mitsuba(mi, lit.lights["lamps"])
     look = mi.ScalarTransform4f().look_at(origin=list(camera.eye), target=list(camera.target), up=[0, 1, 0])
-    film = {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "pixel_format": "rgb", "rfilter": {"type": "tent"}}
+    film = {
+        "type": "hdrfilm",
+        "width": WIDTH,
+        "height": HEIGHT,
+        "pixel_format": "rgb",
+        "rfilter": {"type": "tent"},
+    }
     sensor = mi.load_dict({
         "type": "perspective", "fov": camera.vertical_fov_deg, "fov_axis": "y", "to_world": look, "film": film,
     })  # fmt: skip

@@ -1,4 +1,4 @@
-"""146 patches of the sky by Radiance's rfluxmtx and by us: the same room, the same points, the same machine, in turn."""
+"""146 patches of the sky by Radiance's rfluxmtx and by us: the same room and points, side by side."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ def room(data: Path, work: Path) -> dict[str, Any]:
     seconds_again = _bake(scene)[2]
     sky = _sky_of_rows()
     x, y, z = scene.positions[points].T
-    inside = np.flatnonzero((np.abs(x) < 2.29) & (np.abs(y - 1.35) < 1.5) & (np.abs(z) < 2.59))  # not on the shell
+    inside = np.flatnonzero(
+        (np.abs(x) < 2.29) & (np.abs(y - 1.35) < 1.5) & (np.abs(z) < 2.59)
+    )  # not on the shell
     direct = np.repeat(_under_sky(D[..., None], sky)[:, None], 3, axis=2)
     fit = measure_fitness(
         scene, Occluders(scene.positions, scene.triangles), direct=direct,
@@ -59,7 +61,10 @@ def room(data: Path, work: Path) -> dict[str, Any]:
     )
     weights = np.concatenate([np.repeat(sky[:-1, 0], _ROWS), sky[-1:, 0]])
     rows = _patch_rows_of_radiance(weights)
-    per_point, their_per_point = (seconds + seconds_again) / 2 / len(scene.positions), their_seconds / len(points)
+    per_point, their_per_point = (
+        (seconds + seconds_again) / 2 / len(scene.positions),
+        their_seconds / len(points),
+    )
     return {
         "vertices": len(scene.positions), "patches": 146, "points_of_radiance": len(points),
         "options_of_radiance": " ".join(_OPTIONS),
@@ -114,7 +119,7 @@ def _patches() -> np.ndarray:
 
 
 def _bake(scene: Scene) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-    """E / π (V, 146, 3) of every patch, all bounces, its direct part (V, 146), and the seconds from the bare scene on."""
+    """E / π (V, 146, 3) of every patch, all bounces, its direct part (V, 146), and the seconds in all."""
     started = time.perf_counter()
     occluders = Occluders(scene.positions, scene.triangles)
     stand = vantage_points(scene, occluders)

@@ -31,7 +31,9 @@ class LitScene:
 
     scene: Scene
     lights: dict[str, Any]  # of the reference
-    direct: Callable[[Occluders, np.ndarray, np.ndarray], np.ndarray]  # at points with normals: E / π (n, 1, 3)
+    direct: Callable[
+        [Occluders, np.ndarray, np.ndarray], np.ndarray
+    ]  # at points with normals: E / π (n, 1, 3)
     said: str
 
 
@@ -103,8 +105,10 @@ def sponza(data: Path) -> LitScene:
 def sibenik(data: Path) -> LitScene:
     """The cathedral by six lamps."""
     scene = pl.load_scene(data / "sibenik" / "sibenik.obj", subdivide=0.4)
-    at = [(-14.0, -9.0, 0.0), (-6.0, -10.0, 2.0), (-6.0, -10.0, -2.0), (2.0, -8.0, 0.0), (10.0, -9.0, 0.0), (16.0, -10.0, 0.0)]
-    lamps = SphereLamps(np.float32(at), np.full(6, 0.25, np.float32), np.float32([np.multiply(600.0, WARM)] * 6))
+    at = [(-14, -9, 0), (-6, -10, 2), (-6, -10, -2), (2, -8, 0), (10, -9, 0), (16, -10, 0)]
+    lamps = SphereLamps(
+        np.float32(at), np.full(6, 0.25, np.float32), np.float32([np.multiply(600.0, WARM)] * 6)
+    )
     return _by_lamps(as_diffuse(scene), lamps, "six spheres of 25 cm in the nave; edges up to 40 cm")
 
 

@@ -36,11 +36,10 @@ from prelight.studio.protocol import (
 
 SIDE = 317  # 100,489 vertices
 RATE = 100  # changes a second: a quick pointer's
-LAMP = {"elevation_deg": 35.0, "radius_deg": 6.0, "radiance": (6.0, 5.0, 4.0), "softness": 0.5}
 
 EDITS: dict[str, Callable[[int], ClientMessage]] = {
-    "a disc is dragged": lambda k: SetDisc("a", azimuth_deg=0.5 * k % 360 - 180, **LAMP, dragging=True),
-    "a disc is dimmed": lambda k: SetDisc("a", azimuth_deg=-125.0, **{**LAMP, "radiance": (k % 50, 5.0, 4.0)}, dragging=True),
+    "a disc is dragged": lambda k: SetDisc("a", 0.5 * k % 360 - 180, 35.0, 6.0, (6.0, 5.0, 4.0), 0.5, dragging=True),
+    "a disc is dimmed": lambda k: SetDisc("a", -125.0, 35.0, 6.0, (k % 50, 5.0, 4.0), 0.5, dragging=True),
     "the sky is dimmed": lambda k: SetEnvironment(scale=0.5 + 0.01 * (k % 50), dragging=True),
     "the sky is tinted": lambda k: SetEnvironment(tint=(1.0, 0.5 + 0.01 * (k % 50), 1.0), dragging=True),
     "the sky is turned": lambda k: SetEnvironment(rotation_deg=0.5 * k % 360, dragging=True),
@@ -64,10 +63,10 @@ def hills() -> pl.Scene:
 @contextmanager
 def studio(bake: Path) -> Iterator[str]:
     """The link of a studio in a process of its own."""
+    command = [sys.executable, "-c", "from prelight.cli.main import main; main()", "studio", str(bake)]
     run = subprocess.Popen(
-        [sys.executable, "-c", "from prelight.cli.main import main; main()", "studio", str(bake), "--json", "--port", "0"],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [*command, "--json", "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
     assert run.stdout is not None
     try:
         yield json.loads("".join(run.stdout.readline() for _ in range(3)))["url"]
@@ -80,7 +79,7 @@ def entered(link: str) -> tuple[str, str]:
     """Cookie and origin after opening a link."""
     jar = http.cookiejar.CookieJar()
     urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar)).open(link).read()
-    return "; ".join(f"{c.name}={c.value}" for c in jar), link.split("/?")[0]
+    return "; ".join(f"{c.name}={c.value}" for c in jar), link.split("/?", maxsplit=1)[0]
 
 
 @dataclass
@@ -202,7 +201,7 @@ def main() -> None:
         given.work.mkdir(parents=True, exist_ok=True)
         path = given.work / "hills.prelight"
         if not path.exists():
-            pl.bake_environment(hills(), path, resolution=256, tolerance=0.02, bounces=0)
+            pl.bake_environment(hills(), path, resolution=128, tolerance=0.04, bounces=0)
     bake = pl.Bake.open(path)
     figures = {
         "machine": {"processors": os.cpu_count(), "load_before": os.getloadavg()[0]},

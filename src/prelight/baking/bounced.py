@@ -9,8 +9,9 @@ the transpose of the operator then tells how much of each mode any light brings,
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -153,8 +154,13 @@ class BouncedLight:
         """How much of each mode unit direct light at a vertex brings: the operators' transposes on the modes."""
         V, plain, done = gathering.rows, self._plain, []
         Q = np.empty((colours, V, modes.shape[1]), np.float32)
-        spreading = Spreading(gathering)
-        solve = partial(bounced, spreading, tolerance=TOLERANCE)
+        spreading = Spreading(gathering, self._layer.scene)
+
+        def solve(X: np.ndarray, most: int | None = None) -> Bounced:
+            backwards = cast(Gathering, spreading)  # of one, solving needs no more than ``bounce``
+            result = bounced(backwards, X / spreading.areas, tolerance=TOLERANCE, most=most)
+            return replace(result, indirect=result.indirect * spreading.areas)
+
         for start in range(0, modes.shape[1], COLUMNS):
             columns = slice(start, min(start + COLUMNS, modes.shape[1]))
             X = np.zeros((V, columns.stop - start, colours), np.float32)
@@ -180,16 +186,13 @@ class BouncedLight:
     ) -> Float64[np.ndarray, "colours modes cells"]:
         weights = np.zeros((len(Q), cells, Q.shape[2]))
         for part, T in light.blocks():
-            T = np.ascontiguousarray(T)
             for c in range(len(Q)):
-                answers(T, Q[c], weights[c, part])
+                answers(np.ascontiguousarray(T), Q[c], weights[c, part])
             report(part.stop / cells)
         return np.ascontiguousarray(weights.transpose(0, 2, 1))
 
 
-def _mixtures(
-    cells: Nodes, resolution: int, colours: int
-) -> Float32[np.ndarray, "colours cells mixtures"]:
+def _mixtures(cells: Nodes, resolution: int, colours: int) -> Float32[np.ndarray, "colours cells mixtures"]:
     """Smooth skies of each colour, and seeded random ones."""
     smooth = smooth_lights(cells, resolution)
     rng = np.random.default_rng(np.random.SeedSequence([0, _STAGE]))

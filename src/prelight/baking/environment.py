@@ -41,6 +41,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     pixel_samples: int = 4,
     zones: int = 1,
     bounces: int | None = None,
+    sun_paths: float | str | None = None,
     gather_rays: int = GATHER_RAYS,
     resume: bool = False,
     force: bool = False,
@@ -52,7 +53,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     ----------
     resolution, tolerance, epsilon, samples_per_side, memory
         See EnvironmentSettings.
-    receivers, camera, width, height, pixel_samples, zones, bounces, gather_rays
+    receivers, camera, width, height, pixel_samples, zones, sun_paths, bounces, gather_rays
         See EnvironmentSettings.
     resume, force
         Go on with an interrupted bake of the same settings; replace what is there.
@@ -74,6 +75,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
         resolution, tolerance, epsilon, samples_per_side, memory,
         receivers=receivers, camera=camera, width=width, height=height,
         pixel_samples=pixel_samples, zones=zones, bounces=bounces, gather_rays=gather_rays,
+        sun_paths=sun_paths,
     )  # fmt: skip
     refuse_target(Path(path), force=force)
     plan = plan_environment(scene, settings)

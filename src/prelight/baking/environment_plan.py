@@ -10,7 +10,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -63,14 +63,15 @@ class EnvironmentPlan:
     memory: int  # bytes, peak of the process
     bytes: int  # on disk
     cuts: tuple[Cut, ...]  # one a zone
-    bounced: BouncedPlan = BouncedPlan()  # in the figures above
+    bounced: BouncedPlan = field(default_factory=BouncedPlan)  # in the figures above
 
     def summary(self) -> dict:
         """What ``--dry-run --json`` prints."""
         names = ("receivers", "triangles", "zones", "tolerance", "clusters", "rays", "seconds", "memory")
         figures = {name: getattr(self, name) for name in (*names, "bytes")}
         bounced = {f"bounced_{name}": getattr(self.bounced, name) for name in ("rays", "seconds", "bytes")}
-        return {"resolution": self.settings.resolution} | figures | bounced
+        sun = {} if self.settings.sun is None else {"sun_paths": self.settings.sun.said}
+        return {"resolution": self.settings.resolution} | sun | figures | bounced
 
 
 def machine_memory() -> int:

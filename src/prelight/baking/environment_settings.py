@@ -10,6 +10,7 @@ from ..camera import Camera
 from ..errors import InputError
 from ..scene.geometry import Scene
 from .clustering import ClusterTest
+from .sun_paths import SunPaths
 
 DEFAULT_TOLERANCE = 0.0135  # the Bunny of the paper at ε = 5e-5
 LEAST_MEMORY = 500_000_000
@@ -50,6 +51,9 @@ class EnvironmentSettings:
     zones
         About how many parts the receivers are divided into by place, each with its own clusters; 1 to 4096.
         What differs in kind (Lambertian, glossy, mirroring) is divided in any case where the eye is fixed.
+    sun_paths
+        A latitude, −90 to 90, or "any": where the sun stands there through a year (north is −Z), a light may
+        differ from its cluster by a quarter of the tolerance only; "any" is all above the horizon.
     bounces
         How often light may bounce: None for as often as it matters, 0 for direct light only, at most 1000.
     gather_rays
@@ -69,6 +73,7 @@ class EnvironmentSettings:
     zones: int = 1
     bounces: int | None = None
     gather_rays: int = GATHER_RAYS
+    sun_paths: float | str | None = None
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
@@ -99,6 +104,8 @@ class EnvironmentSettings:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and 0 < value <= 1):
                 raise InputError(name, f"{value!r}, expected a number above 0 and at most 1")
+        if self.sun_paths is not None:
+            SunPaths.read(self.sun_paths)
         if self.memory is not None and self.memory < LEAST_MEMORY:
             raise InputError(
                 "memory", f"{self.memory / 1e9:.2f} GB, a bake needs at least {LEAST_MEMORY / 1e9} GB"
@@ -118,7 +125,12 @@ class EnvironmentSettings:
 
     def test_for(self, receivers: int) -> ClusterTest:
         """The clustering test of a layer of this number of receivers."""
-        return ClusterTest(self.resolution, self.tolerance_for(receivers), self.samples_per_side)
+        return ClusterTest(self.resolution, self.tolerance_for(receivers), self.samples_per_side, self.sun)
+
+    @property
+    def sun(self) -> SunPaths | None:
+        """Where the tree is finer."""
+        return None if self.sun_paths is None else SunPaths.read(self.sun_paths)
 
     def eye_in(self, scene: Scene) -> tuple[str, Camera] | None:
         """The fixed eye and its name; raises InputError for a name the scene does not know."""

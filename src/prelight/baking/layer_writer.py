@@ -103,9 +103,7 @@ class LayerWriter:
             memory=plan.bounced.operator_bytes, report=told,
         )  # fmt: skip
         lanes = min(cut.lanes for cut in plan.cuts)
-        line = write_bounced(
-            self.writer, f"{LAYER}/bounced", light.found(lanes=lanes), self.receivers.zones
-        )
+        line = write_bounced(self.writer, f"{LAYER}/bounced", light.found(lanes=lanes), self.receivers.zones)
         self.writer.append(line | {"seconds": time.perf_counter() - began})
 
     def _tell(self) -> None:
@@ -206,6 +204,7 @@ class LayerWriter:
             "samples_per_side": settings.samples_per_side,
             "receivers": settings.receivers,
             "zones": len(zones),
+            **_sun(settings),
             **_bounces(settings),
         }
         if settings.receivers == PIXELS:
@@ -253,9 +252,14 @@ def identity(receivers: LayerReceivers) -> dict[str, int | float | str | None]:
         "zones": settings.zones,
         "camera": json.dumps(eye[1].to_dict(), sort_keys=True) if eye else None,
         "picture": f"{picture[0]}x{picture[1]}, {picture[2]} samples" if is_picture else None,
+        **_sun(settings),
         **_bounces(settings),
         **software(),
     }
+
+
+def _sun(settings: EnvironmentSettings) -> dict[str, float | str]:
+    return {} if settings.sun is None else {"sun_paths": settings.sun.said}
 
 
 def _bounces(settings: EnvironmentSettings) -> dict[str, int | str]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..encoding.octahedral import encoded_directions
 from ..encoding.principal_components import (
     Components,
     Images,
@@ -32,6 +33,8 @@ from ..storage.chunks import ChunkRecord
 from ..storage.journal import BakeWriter, refuse_target
 from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest
 from ..transport.basis_images import BasisTracer
+from ..transport.deep_buffer import deep_samples
+from ..transport.steered_lamps import SteeredSpot
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, plain, scene_record, whole
 from .span_images import Chunk, Evened, SpanImages
@@ -39,7 +42,7 @@ from .steerable_plan import SteerablePlan, plan_steerable, strip_pixels
 from .steerable_settings import BakedLamp, SteerableSettings
 
 Report = Callable[[float], None]  # share done
-SpanOf = Callable[[BakedLamp], Images]
+SpanOf = Callable[[BakedLamp], Any]  # `Images`, or an array of that shape
 
 _ROUND = 64  # batches of paths from the lamp that are kept together
 _DISK_MARGIN = 1.1
@@ -143,7 +146,12 @@ class _Tracing:
             self._tell(lamp, 0.9 + 0.1 * (k + 1) / rounds)
         self.statistics[lamp.name] = {"noise": (noise / power) ** 0.5 if power > 0 else 0.0}
         return SpanImages(
-            self.writer.partial, strips, additions, functions=lamp.lamp.functions, pixels=pixels, chosen=lamp.traced
+            self.writer.partial,
+            strips,
+            additions,
+            functions=lamp.lamp.functions,
+            pixels=pixels,
+            chosen=lamp.traced,
         )
 
     def _tell(self, lamp: BakedLamp, share: float) -> None:
@@ -194,6 +202,8 @@ def finished(
     for lamp in settings.lamps:
         images = span(lamp)
         components = _components(images, lamp, settings.keep)
+        if settings.deep:
+            _write_deep(written, f"layers/{lamp.name}", scene, lamp, settings)
         _write_components(written, f"layers/{lamp.name}", components, images)
         layers[lamp.name] = _record(lamp, settings, components, eye, statistics.get(lamp.name, {}))
     return Manifest(
@@ -228,6 +238,19 @@ def _write_components(written: WrittenArrays, at: str, components: Components, i
     written.write(f"{at}/singular_values", components.singular_values.astype(np.float32))
 
 
+def _write_deep(
+    written: WrittenArrays, at: str, scene: Scene, lamp: BakedLamp, settings: SteerableSettings
+) -> None:
+    """What reaches each sub-pixel directly."""
+    spot, (_, camera) = lamp.lamp, settings.eye_in(scene)
+    assert isinstance(spot, SteeredSpot)  # SteerableSettings
+    found = deep_samples(SurfaceScene(scene), spot, camera, settings=settings.images, samples=settings.deep)
+    if len(found.colours):  # an array has no empty shape
+        written.write(f"{at}/deep_starts", found.starts)
+        written.write(f"{at}/deep_colours", found.colours)
+        written.write(f"{at}/deep_directions", encoded_directions(found.directions))
+
+
 def _record(
     lamp: BakedLamp,
     settings: SteerableSettings,
@@ -244,7 +267,7 @@ def _record(
         camera=eye,
         parameters={
             "width": images.width, "height": images.height, "samples": images.samples, "depth": images.depth,
-            "light_paths": images.particles, "seed": images.seed, "keep": settings.keep_text(),
+            "light_paths": images.particles, "deep": settings.deep, "seed": images.seed, "keep": settings.keep_text(),
             "basis": lamp.basis_text(), "place": json.dumps(lamp.place(), sort_keys=True),
             "lamp": json.dumps(lamp.lamp.to_dict(), sort_keys=True),
         },
@@ -271,6 +294,7 @@ def identity(scene: Scene, settings: SteerableSettings) -> dict[str, int | float
         "light_paths": images.particles,
         "paths": f"{'indirect' if images.indirect_only else 'all'}, by chance {images.by_chance}",
         "seed": images.seed,
+        "deep": settings.deep,
         "keep": settings.keep_text(),
         **software(),
     }
@@ -291,5 +315,3 @@ def _check_disk(path: Path, plan: SteerablePlan) -> None:
     if free < needed:
         reason = f"about {needed / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
         raise OutputError(path, reason + "; free some space or choose another disk")
-
-

@@ -26,7 +26,6 @@ from .steerable import finished, identity
 from .steerable_plan import check_memory
 from .steerable_settings import BakedLamp, SteerableSettings
 
-
 _LARGEST_FILE = 1 << 28
 
 
@@ -56,10 +55,12 @@ def lights_list(scene: Scene, settings: SteerableSettings) -> bytes:
 
 def _lamp(one: BakedLamp) -> dict[str, Any]:
     basis = one.basis
-    panel = basis.panel if isinstance(basis, ProductBasis) else basis if isinstance(basis, PanelBasis) else None
+    panel = (
+        basis.panel if isinstance(basis, ProductBasis) else basis if isinstance(basis, PanelBasis) else None
+    )
     spot = basis.spot if isinstance(basis, ProductBasis) else basis if isinstance(basis, SpotBasis) else None
     aims = [None] if spot is None else spot.directions.tolist()
-    places = [None] if panel is None else panel.positions.tolist()  # ty: ignore
+    places = [None] if panel is None else panel.positions.tolist()
     lights = []
     for k, (place, aim) in enumerate((place, aim) for place in places for aim in aims):
         light: dict[str, Any] = {"picture": picture_name(one.name, k)}
@@ -72,7 +73,9 @@ def _lamp(one: BakedLamp) -> dict[str, Any]:
     if spot is not None:
         power = "((1 + w·direction)/2)" if one.parity == "all" else "(w·direction)"
         unit = "intensity, W/sr" if isinstance(one.lamp, SteeredSpot) else "times radiance"
-        shape["by direction"] = f"{unit}: {power}^{spot.degree}; w is the unit direction in which light leaves"
+        shape["by direction"] = (
+            f"{unit}: {power}^{spot.degree}; w is the unit direction in which light leaves"
+        )
     if panel is not None:
         n, m = one.lamp.periods
         wave = "((1 + cos 2π(u − position[0]))/2)"
@@ -99,6 +102,8 @@ def bake_from_images(
     """
     refuse_target(Path(path), force=force)
     check_memory(settings, len(scene.triangles))
+    if settings.deep:
+        raise InputError("deep", "pictures of another renderer have their first bounce in them; leave it out")
     spans = {one.name: _span_of(one, Path(folder), settings) for one in settings.lamps}
     writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=False, force=force)
     started = time.perf_counter()
@@ -127,7 +132,9 @@ def _span_of(
         picture = _read(file)
         if picture.shape[:2] != (images.height, images.width):
             found = f"{picture.shape[1]}×{picture.shape[0]}"
-            raise InputError(file, f"is {found}, expected {images.width}×{images.height} as all others; see --size")
+            raise InputError(
+                file, f"is {found}, expected {images.width}×{images.height} as all others; see --size"
+            )
         pictures[k] = picture.reshape(-1, 3)
     if not np.isfinite(pictures).all():
         raise InputError(folder, "a picture has values that are not finite; render it again")

@@ -55,7 +55,7 @@ def memory_needed(settings: SteerableSettings, triangles: int) -> int:
     pixels = settings.images.pixels
     most = 0
     for lamp in settings.lamps:
-        functions, lights = lamp.lamp.functions, lamp.basis.lights
+        functions, lights = lamp.lamp.functions, lamp.basis.functions  # as many lights, but found in no time
         from_lamp = 28 * functions * pixels if settings.images.particles else 0
         kept = _components(settings, lights)
         encoding = kept * pixels * (12 + 6) + 3 * 256_000_000
@@ -101,13 +101,15 @@ def plan_steerable(scene: Scene, settings: SteerableSettings) -> SteerablePlan:
         paths += images.pixels * images.samples
         if tracer.batches:
             nothing = tracer.nothing()
-            seconds += tracer.batches * _pace(lambda k, t=tracer, n=nothing: t.add_batch(k, n), tracer.batches)
+            seconds += tracer.batches * _pace(
+                lambda k, t=tracer, n=nothing: t.add_batch(k, n), tracer.batches
+            )
             paths += images.pixels * images.particles
         notes += [f"{lamp.name}: not in the pictures: {what}" for what in tracer.left_out]
-    kept = [_components(settings, lamp.basis.lights) for lamp in settings.lamps]
+    kept = [_components(settings, lamp.basis.functions) for lamp in settings.lamps]
     functions = sum(lamp.lamp.functions for lamp in settings.lamps)
     return SteerablePlan(
-        settings, len(scene.triangles), sum(lamp.basis.lights for lamp in settings.lamps), sum(kept), paths, seconds,
+        settings, len(scene.triangles), sum(lamp.basis.functions for lamp in settings.lamps), sum(kept), paths, seconds,
         bytes=int(sum(1.07 * 3 * 1.3 * k * images.pixels for k in kept)) + 150 * len(scene.triangles),
         scratch=12 * functions * images.pixels * (2 if images.particles else 1),
         memory=memory, notes=tuple(notes),

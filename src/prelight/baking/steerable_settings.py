@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,9 @@ from ..transport.steered_lamps import SteeredLamp, SteeredSpot
 
 Basis = SpotBasis | PanelBasis | ProductBasis
 MOST_LAMPS = 64
+MOST_DEEP = 64  # samples of a pixel
 LEAST_MEMORY = 500_000_000
+DEFAULT_KEEP = Keep(error=0.01)
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
@@ -76,9 +78,8 @@ class BakedLamp:
     def basis_text(self) -> str:
         """The basis as JSON, as a bake keeps it."""
         lamp = self.lamp
-        if isinstance(lamp, SteeredSpot):
-            described: dict[str, Any] = {"kind": "spot", "degree": lamp.degree, "parity": self.parity}
-        else:
+        described: dict[str, Any] = {"kind": "spot", "degree": lamp.degree, "parity": self.parity}
+        if not isinstance(lamp, SteeredSpot):
             described = {"kind": "panel", "harmonics": list(lamp.periods)}
             if lamp.degree is not None:
                 described |= {"kind": "product", "degree": lamp.degree, "parity": self.parity}
@@ -100,6 +101,9 @@ class SteerableSettings:
     keep
         How many components: pictures within 1 % RMS if not said; the paper's rule is ``Keep()``, 0.9 of the sum of
         singular values; "all" for every basis light.
+    deep
+        Samples of a pixel in which a spot's first bounce is kept apart, exact for every shape; 0 keeps none, else
+        basis images hold the later bounces alone. At most 64.
     memory
         Bytes the process may use; default half of this machine's.
     """
@@ -107,7 +111,8 @@ class SteerableSettings:
     lamps: tuple[BakedLamp, ...]
     camera: Camera | str | None = None
     images: ImageSettings = field(default_factory=ImageSettings)
-    keep: Keep | str = Keep(error=0.01)
+    keep: Keep | str = DEFAULT_KEEP
+    deep: int = 0
     memory: int | None = None
 
     def __post_init__(self) -> None:
@@ -116,6 +121,14 @@ class SteerableSettings:
         names = [lamp.name for lamp in self.lamps]
         if double := next((name for name in names if names.count(name) > 1), None):
             raise InputError("lamp name", f"{double!r} is given twice; a rig could not tell them apart")
+        if isinstance(self.deep, bool) or not isinstance(self.deep, int) or not 0 <= self.deep <= MOST_DEEP:
+            raise InputError("deep", f"{self.deep!r}, expected a whole number from 0 to {MOST_DEEP}")
+        if self.deep and not self.images.indirect_only:
+            object.__setattr__(self, "images", replace(self.images, indirect_only=True))
+        if self.deep and not all(isinstance(lamp.lamp, SteeredSpot) for lamp in self.lamps):
+            raise InputError(
+                "deep", "a panel's first bounce is not kept apart; only spots', bake the panels without"
+            )
         if isinstance(self.keep, str) and self.keep != "all":
             raise InputError("keep", f"{self.keep!r}, expected a rule or all")
         if self.memory is not None and self.memory < LEAST_MEMORY:
@@ -124,7 +137,7 @@ class SteerableSettings:
             )
         if isinstance(self.keep, Keep):
             for lamp in self.lamps:
-                self.keep.number(np.ones(lamp.basis.lights))
+                self.keep.number(np.ones(lamp.basis.functions))
 
     def eye_in(self, scene: Scene) -> tuple[str, Camera]:
         """The eye and its name; raises InputError for a name that the scene does not know."""
@@ -150,7 +163,8 @@ class SteerableSettings:
                 where = ", ".join(f"{x:g}" for x in one.lamp.middle)
                 box = " to ".join(", ".join(f"{x:.3g}" for x in corner) for corner in (low, high))
                 raise InputError(
-                    one.name, f"at {where}, farther outside the scene ({box}) than that is large; move it nearer"
+                    one.name,
+                    f"at {where}, farther outside the scene ({box}) than that is large; move it nearer",
                 )
 
     def keep_text(self) -> str:

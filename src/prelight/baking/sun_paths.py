@@ -16,7 +16,9 @@ from ..errors import InputError
 ANY = "any"
 TILT_DEG = 23.44  # of the earth's axis: as far north and south as the sun is overhead
 RADIUS_DEG = 0.27  # of the sun
-TOLERANCE_SHARE = 0.4  # of the tolerance, in the sun's band
+TOLERANCE_SHARE = (
+    0.25  # of the tolerance, where the sun stands: what a sun alone needs to err by less than 1 %
+)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays import Float64
 from ..errors import InputError
 
+_STRIP = 8192  # nodes at a time: all functions of all nodes would be gigabytes
 MAX_ORDER = 40  # 1681 functions; beyond it nothing of this size would be traced
 
 
@@ -72,6 +73,8 @@ def components(order: int, x: Any, y: Any, z: Any) -> list[Any]:
 def evaluate(order: int, directions: np.ndarray) -> Float64[np.ndarray, "directions functions"]:
     """Values (n, (order + 1)²) float64 at unit directions (n, 3)."""
     d = np.asarray(directions, np.float64).reshape(-1, 3)
+    if len(d) == 1:  # plain numbers are ten times faster than arrays of one
+        return np.array([components(order, *d[0].tolist())])
     return np.stack(components(order, d[:, 0], d[:, 1], d[:, 2]), axis=1)
 
 
@@ -100,7 +103,11 @@ def project(values: np.ndarray, order: int, *, degree: int) -> Float64[np.ndarra
     """
     nodes, weights = quadrature(degree)
     f = np.asarray(values, np.float64)
-    return evaluate(order, nodes).T @ (f * weights.reshape(-1, *[1] * (f.ndim - 1)))
+    weighted = f * weights.reshape(-1, *[1] * (f.ndim - 1))
+    found = np.zeros((count(order), *f.shape[1:]))
+    for first in range(0, len(nodes), _STRIP):
+        found += evaluate(order, nodes[first : first + _STRIP]).T @ weighted[first : first + _STRIP]
+    return found
 
 
 def rotated(coefficients: np.ndarray, rotation: np.ndarray) -> Float64[np.ndarray, "functions ..."]:

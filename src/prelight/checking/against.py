@@ -82,6 +82,7 @@ class Comparison:
         if 0 < count < len(possible):
             possible = np.random.default_rng([seed, 11]).choice(possible, count, replace=False)
         self.rows: Int32[np.ndarray, "chosen"] = np.sort(possible).astype(np.int32)
+        self._radiance = light.radiance  # what is compared
         self.reference: Radiance | None = None
         self.made_by = "reference"
 
@@ -106,15 +107,25 @@ class Comparison:
         seconds = time.perf_counter() - started
         self.reference = reference.astype(np.float32)
         self.made_by = "exact integration" if samples is None else f"path tracer, {samples:,} samples"
-        mine = self.light.radiance[self.rows]
+        if samples is None and self.bounces != 0:
+            self._radiance = self._direct_alone()
+        mine = self._radiance[self.rows]
         tolerance = _ALLOWED * float(reference.max())
         figures = compare(mine, reference, variance, tolerance=tolerance)
         return {
             "receivers": len(self.rows),
             "reference": "exact" if samples is None else "path tracer",
             "samples": samples,
+            "bounces": 0 if samples is None else "all" if self.bounces is None else self.bounces,
             **figures.to_dict(reference_seconds=seconds),
         }
+
+    def _direct_alone(self) -> Radiance:
+        """Of the bake, without light that has bounced: all that exact integration knows."""
+        light = self.light
+        alone = Relighter(light.bake, layer=light.layer_name, trace_strong=light.trace_strong, bounced=False)
+        alone.environment = light.environment
+        return alone.radiance
 
     def _parts(self):
         """Rows of each zone that are wanted, and their places among the wanted."""
@@ -171,11 +182,11 @@ class Comparison:
         ``emphasis`` amplifies the difference; by itself so that all but the worst five hundredth can be told apart.
         """
         assert self.reference is not None
-        truth = self.light.radiance.copy()
+        truth = self._radiance.copy()
         truth[self.rows] = self.reference
         ours, theirs = (
             self.light.picture_of(radiance, camera, width=width, height=height)
-            for radiance in (self.light.radiance, truth)
+            for radiance in (self._radiance, truth)
         )
         stops = theirs.stops("auto")
         white = 2.0**-stops

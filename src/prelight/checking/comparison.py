@@ -80,8 +80,15 @@ def compare(
         noise=math.sqrt(float(sigma2.sum()) / power) if power else 0.0,
         detectable_bias=Z_DETECTED * spread / whole if whole else 0.0,
         z_rejected_share=float((np.abs(difference) > allowed + rounding).mean()),
-        pooled_z=float(difference.sum()) / spread if spread else 0.0,
+        pooled_z=_pooled(float(difference.sum()), spread, without_noise=variance is None, rounding=rounding),
     )
+
+
+def _pooled(total: float, spread: float, *, without_noise: bool, rounding: float) -> float:
+    """Infinite where a reference says that it has no noise at all, and is another."""
+    if spread:
+        return total / spread
+    return 0.0 if without_noise or abs(total) <= rounding else math.copysign(math.inf, total)
 
 
 _METRICS = ("relative_rms", "mean_difference", "signed_mean", "worst")

@@ -30,6 +30,7 @@ def environment(
     epsilon: float | None = None,
     samples_per_side: Annotated[int, Parameter(converter=arguments.whole_number)] = 3,
     zones: Annotated[int, Parameter(converter=arguments.whole_number)] = 1,
+    sun_paths: str | None = None,
     bounces: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
     gather_rays: Annotated[int, Parameter(converter=arguments.whole_number)] = 1024,
     receivers: str = "vertices",
@@ -72,6 +73,10 @@ def environment(
     zones
         Divide the receivers into about so many parts by place, 1 to 4096, each with clusters of its own: the tolerance
         then holds in each of them, not only on average over all.
+    sun_paths
+        A latitude in degrees, or any: where the sun stands there at some hour of the year (north is -Z; any: wherever
+        above the horizon) lights are clustered four times as strictly, and a sun errs by less than 1 % without rays.
+        Two to five times the clusters; not needed where relighting traces the sun, as it does for diffuse vertices.
     bounces
         How often light may bounce from surface to surface before it arrives, at most 1000; 0 for direct light only.
         If not given as often as matters: until what is left is below a thousandth of it.
@@ -132,7 +137,7 @@ def environment(
             resolution, tolerance, epsilon, samples_per_side, budget,
             receivers=receivers, camera=_eye(camera), width=width, height=height,
             pixel_samples=4 if pixel_samples is None else pixel_samples, zones=zones,
-            bounces=bounces, gather_rays=gather_rays,
+            bounces=bounces, gather_rays=gather_rays, sun_paths=sun_paths,
         )  # fmt: skip
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_environment(loaded, settings)

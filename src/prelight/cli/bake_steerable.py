@@ -22,7 +22,7 @@ _NUMBER = Parameter(converter=arguments.whole_number)
 _LAMP = re.compile(r"(?:([^=]{1,40})=)?(.+)", re.DOTALL)
 
 
-def steerable(  # noqa: PLR0913 - one for each option
+def steerable(
     scene: str,
     /,
     *,
@@ -41,6 +41,7 @@ def steerable(  # noqa: PLR0913 - one for each option
     depth: Annotated[int, _NUMBER] = 12,
     indirect_only: Annotated[bool, Parameter(negative="")] = False,
     left_to_chance: str = "drop",
+    deep: Annotated[int, _NUMBER] = 0,
     components: Annotated[int | None, _NUMBER] = None,
     share: float | None = None,
     error: float | None = None,
@@ -74,7 +75,7 @@ def steerable(  # noqa: PLR0913 - one for each option
         Where a panel is: corner, first and second side, as X,Y,Z/X,Y,Z/X,Y,Z or NAME=…; again for more. It shines to
         the side from which its first side turns counter-clockwise into its second.
     degree
-        N of the spots, 0 to 24: (N+1)² basis images. A spot ((1+cos)/2)^N is 2·acos(2^(1−1/N)−1) wide: 83° at 5, 62° at 9.
+        N of the spots, 0 to 24: (N+1)² basis images. More makes narrower spots: 83° from half to half at 5, 62° at 9.
     periods
         Whole periods along each side of the panels, 0 to 16: (2·periods+1)² basis images.
     panel_degree
@@ -99,6 +100,9 @@ def steerable(  # noqa: PLR0913 - one for each option
     left_to_chance
         drop, or keep: light through glass or off a mirror that is itself seen through glass or in a mirror. It is met
         by chance alone, and makes bright specks.
+    deep
+        Keep the spots' first bounce apart, in so many samples a pixel, 1 to 64: then beams of any narrowness are
+        exact, while the basis holds the later bounces; 16 is plenty.
     components, share, error
         How many components to keep: a number; or by a share of the sum of singular values, such as the paper's 0.9; or
         by the RMS error of the basis pictures, which is 0.01 if nothing is said.
@@ -107,7 +111,7 @@ def steerable(  # noqa: PLR0913 - one for each option
     seed
         Of all randomness.
     lights_list
-        Write the basis lights and the eye to this JSON file, for another renderer to make the images; nothing is traced.
+        Write the basis lights and the eye to this JSON file, for another renderer; nothing is traced.
     from_images
         Take the basis images from this folder instead of tracing: LAMP_00000.exr, …, as the lights list names them.
     albedo
@@ -152,7 +156,7 @@ def steerable(  # noqa: PLR0913 - one for each option
         keep = "all" if all_components else _keep(components, share, error)
         eye = Camera.open(camera) if camera is not None and camera.lower().endswith(".json") else camera
         kept = {} if keep is None else {"keep": keep}
-        settings = SteerableSettings(tuple(lamps), eye, images, memory=budget, **kept)
+        settings = SteerableSettings(tuple(lamps), eye, images, deep=deep, memory=budget, **kept)
         loaded = load_scene(scene, albedo=colour, trust=trust)
     if lights_list is not None:
         _write_list(loaded, settings, lights_list, force=force)
@@ -187,7 +191,9 @@ def _lamps(scene: str, spots: list[str], panels: list[str], **how: Any) -> list[
 
     if not spots and not panels:
         if not scene.startswith("stock:steerable"):
-            raise InputError("--spot", "no lamp given; say where one is: --spot X,Y,Z or --panel X,Y,Z/X,Y,Z/X,Y,Z")
+            raise InputError(
+                "--spot", "no lamp given; say where one is: --spot X,Y,Z or --panel X,Y,Z/X,Y,Z/X,Y,Z"
+            )
         from ..scene.stock.chess import SPOT_AT
 
         spots = [",".join(map(str, SPOT_AT))]
@@ -222,7 +228,11 @@ def _named(option: str, text: str, usual: str, count: int) -> tuple[str, list[tu
 def _keep(components: int | None, share: float | None, error: float | None) -> Keep | None:
     from ..encoding.principal_components import Keep
 
-    given = [name for name, x in (("--components", components), ("--share", share), ("--error", error)) if x is not None]
+    given = [
+        name
+        for name, x in (("--components", components), ("--share", share), ("--error", error))
+        if x is not None
+    ]
     if len(given) > 1:
         raise InputError(given[1], f"given beside {given[0]}; choose one rule")
     if not given:
@@ -273,4 +283,6 @@ def _write_list(loaded: Any, settings: SteerableSettings, path: Path, *, force: 
     text = lights_list(loaded, settings)
     publish(path, text)
     count = sum(lamp.basis.lights for lamp in settings.lamps)
-    printing.say(f"{path}: {count:,} basis lights; render each, then: prelight bake steerable … --from-images FOLDER")
+    printing.say(
+        f"{path}: {count:,} basis lights; render each, then: prelight bake steerable … --from-images FOLDER"
+    )

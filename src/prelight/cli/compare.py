@@ -43,7 +43,8 @@ def compare(
     Both see the environment as the bake does, as a cube map of 6·R·R texels. Exact integration sums over all of
     them: it has no noise, and shows what clustering and one byte an element lose. The path tracer knows nothing
     of how a bake works and spreads light over whole texels, so it also shows whether R is large enough; but it
-    is noisy: an error of the mean below its detectable bias cannot be told from none. Direct light only, as baked.
+    is noisy: an error of the mean below its detectable bias cannot be told from none. It follows light through as
+    many bounces as the bake holds; exact integration is of direct light, and held against that part of the bake.
 
     `prelight compare bunny.prelight stock:sunset --exact -o errors.png`
 
@@ -99,7 +100,7 @@ def compare(
 
         light = Relighter(bake)
         eye = arguments.camera_of(light, camera)
-        light.environment = Rig.open(rig, layout=layout).environment
+        light.environment = Rig.open(rig, layout=layout).surroundings
         width, height = shape or light.picture_size or _PANEL
         if output is not None and light.picture_size not in (None, (width, height)):
             own = "{}x{}".format(*light.picture_size)

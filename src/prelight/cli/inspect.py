@@ -92,7 +92,7 @@ def _draw_clusters(bake: Path, path: Path, *, zone: int, over: str | None, force
         light = Relighter(bake)
         if not 0 <= zone < light.zones:
             raise InputError("--zone", f"{zone}, expected 0 to {light.zones - 1}")
-        cube = None if over is None else Rig.open(over).environment.cube(light.resolution)
+        cube = None if over is None else Rig.open(over).surroundings.cube(light.resolution)
         save_figure(unfolded_clusters(light.clusters(zone), light.resolution, cube=cube), path, force=force)
 
 
@@ -153,11 +153,19 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  receivers", what + zones),
         ("  lights", lights),
         ("  tolerance", threshold + samples),
+        *_rows_of_sun(settings),
         *(_rows_of_bounces(layer) if bounces else [("  bounces", "none: direct light only")]),
         ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         ("  loses", loses),
     ]
+
+
+def _rows_of_sun(settings: dict[str, Any]) -> list[tuple[str, str]]:
+    if (paths := settings.get("sun_paths")) is None:
+        return []
+    where = "anywhere above the horizon" if paths == "any" else f"where it stands at latitude {paths:g}°"
+    return [("  sun", f"{where} a quarter of that")]
 
 
 def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:

@@ -104,7 +104,7 @@ def relight(
 
         light = Relighter(bake, trace_strong=strong_lights == "rays")
         eye = arguments.camera_of(light, camera)
-        environment = Rig.open(rig, layout=layout).environment
+        environment = Rig.open(rig, layout=layout).surroundings
         environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
         started = time.perf_counter()
         light.environment = environment

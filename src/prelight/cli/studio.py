@@ -86,7 +86,9 @@ def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) ->
             found = Bake.open(target)
             if found.manifest.scene.digest == scene.digest:
                 return found
-        raise InputError(target, "is there already, and is not a bake of this scene; rename it, or open it instead")
+        raise InputError(
+            target, "is there already, and is not a bake of this scene; rename it, or open it instead"
+        )
     with printing.waiting("estimating the cost (the first time, compiling too)"):
         plan = plan_environment(scene, EnvironmentSettings())
     if not quiet:
@@ -125,7 +127,9 @@ def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, j
         if type(stop) is not KeyboardInterrupt:
             raise  # SIGTERM
         if not json:  # Ctrl-C is how one leaves, and nothing is lost
-            printing.say(f"the studio has ended; its light is in {kept}" if kept.exists() else "the studio has ended")
+            printing.say(
+                f"the studio has ended; its light is in {kept}" if kept.exists() else "the studio has ended"
+            )
 
 
 def _has_screen() -> bool:

@@ -119,7 +119,7 @@ def turned(
 
 @njit([types.void(types.float64[:, ::1], types.float64[:, ::1])], cache=True)
 def _diagonalise(A, V):
-    """Cyclic Jacobi rotations (Golub and Van Loan, Matrix Computations, 8.5): V A Vᵀ becomes diagonal, rows of V turn."""
+    """V A Vᵀ becomes diagonal, in place: cyclic Jacobi rotations (Golub and Van Loan, Matrix Computations, 8.5)."""
     n = len(A)
     whole = 0.0
     for i in range(n):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -189,9 +190,13 @@ class Gobo:
         return measured_harmonics(self, degree, detail=self.picture.shape[1] * 360.0 / self.spread_deg)
 
 
+@lru_cache(maxsize=32)
 def measured_harmonics(distribution: Distribution, degree: int, *, detail: float) -> np.ndarray:
-    """Coefficients of a distribution known by its values alone; ``detail``: samples around the circle that show all."""
-    fine = int(np.clip(2.0 * detail, 4 * degree + 64, 720))
+    """Coefficients of a distribution known by its values alone; ``detail``: samples around the circle that show all.
+
+    Kept, because a light that is dragged asks for them at every step.
+    """
+    fine = int(np.clip(2.0 * detail, 4 * degree + 64, 360))
     nodes, _ = sh.quadrature(fine)
     return sh.project(distribution.along(nodes), degree, degree=fine)
 

@@ -31,6 +31,16 @@ class Rig:
     tracks: tuple[Track, ...] = ()
 
     @property
+    def surroundings(self) -> Environment:
+        """The environment, for a bake with nothing else. Raises InputError if the rig has spots or panels."""
+        if self.tracks:
+            what = f"{len(self.tracks)} [[spot]] or [[panel]] lights"
+            raise InputError(
+                "rig", f"has {what}, but no layer of this bake has a place for them; leave them out"
+            )
+        return self.environment
+
+    @property
     def lights(self) -> tuple[Spot | Panel, ...]:
         """Spots and panels, as they are at the beginning."""
         return self.lights_at(0.0)

@@ -56,9 +56,7 @@ class BouncedLight:
             light[cells[cells >= 0]] += weights[cells >= 0] * colour
         return light
 
-    def of_strong(
-        self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]
-    ) -> Radiance:
+    def of_strong(self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]) -> Radiance:
         """(rows, 3) what traced lights bring by bouncing, whose direct irradiance / π is ``direct``; kept."""
         if self._strong is None or self._strong[0] is not lights:
             if self.part.sources is None:
@@ -79,6 +77,7 @@ class BouncedLight:
 
     def _projected(self, direct: Float64[np.ndarray, "rows 3"]) -> Coefficients:
         sources, scales = self.part.sources, self.part.source_scales
+        assert sources is not None
         found = np.empty((blocks_of(len(direct)), 3, sources.shape[2]), np.float32)
         project(sources, np.ascontiguousarray(direct, np.float32), found)
         return (found.sum(axis=0, dtype=np.float64) * scales).T

@@ -36,7 +36,7 @@ def _some_groups(modes, every, weights, out, begin, end):
     cache=True,
 )
 def bounce(modes, every, weights, out):
-    """out (groups, 96) = Σ_k weights_k modes_k: modes (groups, K, 32), every 0 … K − 1, weights (K, 3), scale included."""
+    """out (groups, 96) = Σ_k weights_k modes_k: modes (groups, K, 32), every 0 … K − 1, weights (K, 3) with scales."""
     for part in prange((len(modes) + _GROUPS - 1) // _GROUPS):
         _some_groups(modes, every, weights, out, part * _GROUPS, min(len(modes), (part + 1) * _GROUPS))
 

@@ -93,14 +93,16 @@ class EnvironmentRelighter:
             raise InputError("albedo", "None, expected (rows, 3): this layer keeps irradiance")
         R = layer.resolution
         self._cube = np.zeros((6, R, R, 3), np.float32)
-        self._tree = LightTree(layer) if bounced is None else LightTree(layer, bounced.cells)
+        self._tree = LightTree(layer, None if bounced is None else bounced.cells)
         self._discs = DiscLights(layer, self._tree)
         self._sums = np.zeros((layer.groups, 3 * GROUP))
         self._shares = layer.even_shares(numba.get_num_threads())
         self._scratch = np.zeros((len(self._shares) - 1, 3 * GROUP), np.float32)
         self._ledger, self._local, self._write = _Ledger(), Pace(relight_local), Pace(write_radiance)
         self.last = Update("none", 0.0, 0, 0)
-        self.bounced = bounced and BouncedLight(bounced, layer, self._tree.cell_nodes, len(self._tree))
+        self.bounced: BouncedLight | None = None
+        if bounced is not None:
+            self.bounced = BouncedLight(bounced, layer, self._tree.cell_nodes, len(self._tree))
         self._both = np.empty_like(self._sums)
 
     @property

@@ -37,13 +37,13 @@ class LightTree:
     ``cells`` are all leaves of whole quadtrees too, in Z-order; ``cell_nodes`` says which nodes they are.
     """
 
-    def __init__(
-        self, layer: EnvironmentLayer, cells: Int32[np.ndarray, "cells 5"] = np.zeros((0, 5), np.int32)
-    ) -> None:
+    def __init__(self, layer: EnvironmentLayer, cells: Int32[np.ndarray, "cells 5"] | None = None) -> None:
         self._layer, R = layer, layer.resolution
         self._omega = solid_angles(R)
-        rectangles, clusters = np.concatenate([layer.rectangles, cells]), len(layer.rectangles)
-        starts = np.append(layer.starts, len(rectangles)) if len(cells) else layer.starts
+        rectangles, starts, clusters = layer.rectangles, layer.starts, len(layer.rectangles)
+        if cells is not None:
+            rectangles = np.concatenate([rectangles, cells])
+            starts = np.append(starts, len(rectangles))
         counts = texel_counts(rectangles)
         first = np.cumsum(counts) - counts
         first -= np.repeat(first[starts[:-1]], np.diff(starts))  # of each zone's own walk

@@ -16,6 +16,7 @@ from ..errors import DamagedBakeError, InputError
 from ..lighting.places import Place
 from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
+from .deep_buffer import DeepBuffer
 from .steerable_layer import Basis, SteerableLayer
 
 KIND = "steerable"
@@ -42,6 +43,28 @@ def steerable_camera(bake: Bake) -> tuple[str, Camera]:
         return records[0].name, Camera.from_dict(records[0].view)
     except InputError as error:
         raise DamagedBakeError(bake.path, f"the eye in it is wrong: {error.reason}") from None
+
+
+def open_deep(bake: Bake) -> dict[str, DeepBuffer]:
+    """The first bounces that are kept apart, by layer; none of layers that hold all light. Raises DamagedBakeError."""
+    found = {}
+    for name in steerable_names(bake):
+        at = f"layers/{name}/deep"
+        if f"{at}_starts" not in bake.manifest.arrays:
+            continue
+        starts, colours, directions = (
+            bake.array(f"{at}_{part}") for part in ("starts", "colours", "directions")
+        )
+        if not np.isfinite(colours).all():
+            raise DamagedBakeError(bake.path, f"{at}_colours has values that are not finite")
+        try:
+            degree = int(json.loads(str(bake.layers[name].parameters["basis"]))["degree"])
+            found[name] = DeepBuffer(starts, colours, directions, degree)
+        except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
+            raise DamagedBakeError(
+                bake.path, f"the first bounce of layer {name!r} is wrong: {error}"
+            ) from None
+    return found
 
 
 def _opened(bake: Bake, name: str, record: LayerRecord) -> SteerableLayer:

@@ -25,8 +25,9 @@ def tile_product(element: ir.Type, *, colours: int, source: ir.Type = _I8, signe
 
     Adds, for each of ``colours`` (3, or the one whose weight is first) and all 32 receivers i of the tile,
     sums[c][i] += Σ_n weights[n][c] · tile[index[n]][i], n = 0 … count − 1.
-    ``tile`` is (clusters, 32 receivers) of ``source``, uint8 (int8 if ``signed``) or ``element``, ``index`` int32, ``weights`` (count, 3)
-    and ``sums`` (colours, 32) of ``element``; all C-contiguous, given as addresses; ``count`` at least 1.
+    ``tile`` is (clusters, 32 receivers) of ``source``, uint8 (int8 if ``signed``) or ``element``, ``index`` int32,
+    ``weights`` (count, 3) and ``sums`` (colours, 32) of ``element``; all C-contiguous, given as addresses; ``count``
+    at least 1.
     """
 
     @intrinsic

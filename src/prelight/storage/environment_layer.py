@@ -31,6 +31,9 @@ def environment_problem(
     for number in _NUMBERS:
         if not _is_number(said.get(number), _LARGEST):
             return f"layer {name!r} does not say its {number}"
+    sun = said.get("sun_paths", "any")
+    if sun != "any" and not (_is_number(sun, 90) or (type(sun) is float and _is_number(-sun, 90))):
+        return f"layer {name!r} says its sun paths are {sun!r}, expected a latitude or any"
     if (rows := _rows(said, arrays)) is None:
         return f"layer {name!r} does not say what its receivers are"
     order, zones = (arrays.get(f"layers/{name}/{part}") for part in ("order", "zones"))
@@ -44,7 +47,9 @@ def environment_problem(
     if order.shape[0] % _GROUP:
         return f"array layers/{name}/order is not whole groups of {_GROUP}"
     problem = _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
-    return problem or _bounced_problem(f"layers/{name}/bounced", said, arrays, groups=order.shape[0] // _GROUP)
+    return problem or _bounced_problem(
+        f"layers/{name}/bounced", said, arrays, groups=order.shape[0] // _GROUP
+    )
 
 
 def _bounced_problem(

@@ -168,9 +168,7 @@ class Manifest(_Strict):
             check = {"environment": environment_problem, "steerable": steerable_problem}.get(layer.kind)
             if check is None:
                 continue  # of a later version, say; left alone
-            problem = check(
-                name, said, self.arrays, coefficients=layer.coefficients, has_eye=has_eye
-            )
+            problem = check(name, said, self.arrays, coefficients=layer.coefficients, has_eye=has_eye)
             if problem:
                 return problem
         return None

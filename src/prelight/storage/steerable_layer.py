@@ -49,16 +49,46 @@ def steerable_problem(
             return f"array layers/{name}/{part} is {shapes[part]}, expected {shape}"
     if planes > MOST_PLANES or not coefficients <= planes <= 2 * coefficients:
         return f"layer {name!r} has {planes} planes for {coefficients} components"
-    bright, values = (arrays.get(f"layers/{name}/{part}") for part in ("bright", "bright_values"))
-    if bright is not None or values is not None:  # neither where no pixel is that bright
-        both = bright is not None and values is not None
-        if not both or (bright.dtype, values.dtype) != ("int32", "float32") or len(bright.shape) != 1:
-            return f"arrays layers/{name}/bright and bright_values are not int32 and float32"
-        if bright.shape[0] > 64 * blocks or values.shape != [3, coefficients, bright.shape[0]]:
-            return f"array layers/{name}/bright_values is {values.shape}, expected [3, {coefficients}, {bright.shape[0]}]"
+    if problem := _bright_problem(
+        f"layers/{name}", arrays, coefficients=coefficients, pixels=_BLOCK * blocks
+    ):
+        return problem
+    pixels = said["width"] * said["height"]
+    if problem := _deep_problem(f"layers/{name}", arrays, pixels=pixels):
+        return problem
     mixing = shapes["mixing"]
     if len(mixing) != 2 or mixing[0] != coefficients or mixing[1] > MOST_PLANES:
         return f"array layers/{name}/mixing is {mixing}, expected {coefficients} rows"
     if len(shapes["singular_values"]) != 1:
         return f"array layers/{name}/singular_values is not a list of numbers"
+    return None
+
+
+def _bright_problem(
+    at: str, arrays: Mapping[str, ArraySpec], *, coefficients: int, pixels: int
+) -> str | None:
+    """Of the pixels that are kept apart; both arrays are absent where no pixel is that bright."""
+    bright, values = (arrays.get(f"{at}/{part}") for part in ("bright", "bright_values"))
+    if bright is None and values is None:
+        return None
+    if bright is None or values is None or (bright.dtype, values.dtype) != ("int32", "float32"):
+        return f"arrays {at}/bright and bright_values are not int32 and float32"
+    if len(bright.shape) != 1 or bright.shape[0] > pixels:
+        return f"array {at}/bright is {bright.shape}, expected one number for each bright pixel"
+    if values.shape != [3, coefficients, bright.shape[0]]:
+        return f"array {at}/bright_values is {values.shape}, expected [3, {coefficients}, {bright.shape[0]}]"
+    return None
+
+
+def _deep_problem(at: str, arrays: Mapping[str, ArraySpec], *, pixels: int) -> str | None:
+    """Of the first bounce that is kept apart; absent where none is, or where no light arrives."""
+    found = [arrays.get(f"{at}/deep_{part}") for part in ("starts", "colours", "directions")]
+    specs = [spec for spec in found if spec is not None]
+    if not specs:
+        return None
+    if [spec.dtype for spec in specs] != ["int64", "float32", "uint16"]:
+        return f"arrays {at}/deep_starts, deep_colours and deep_directions are not of their types"
+    starts, colours, directions = (spec.shape for spec in specs)
+    if starts != [pixels + 1] or colours[1:] != [3] or directions != [colours[0], 2]:
+        return f"arrays {at}/deep_starts, deep_colours and deep_directions do not fit"
     return None

@@ -84,7 +84,7 @@ class Environments:
             raise InputError("environment", f"{key[:80]!r}, expected one of {', '.join(self._sources)}")
         with self._lock:
             if key not in self._opened:
-                self._opened[key] = Rig.open(self._sources[key]).environment
+                self._opened[key] = Rig.open(self._sources[key]).surroundings
             self._opened.move_to_end(key)
             while len(self._opened) > 1 and sum(map(_bytes_of, self._opened.values())) > _KEPT_BYTES:
                 self._opened.popitem(last=False)
@@ -148,7 +148,9 @@ def small(environment: Environment) -> Environment:
     """A coarse cube map with the same light, quick to turn; discs that belong to it stay discs."""
     if environment.layout == "cube" and environment.pixels.shape[1] <= _SMALL_CUBE and not environment.parts:
         return environment
-    return replace(Environment.from_cube(environment.with_discs(()).cube(_SMALL_CUBE)), discs=environment.discs)
+    return replace(
+        Environment.from_cube(environment.with_discs(()).cube(_SMALL_CUBE)), discs=environment.discs
+    )
 
 
 def suitable_stops(environment: Environment) -> float:

@@ -68,9 +68,7 @@ class Hub:
         self._waiting: str | None = None
         self._saving: asyncio.Task[None] | None = None
         self._saved = self._first_state()
-        self._session = Session(
-            shown.bake, environments, state=self._saved, listener=self._listener()
-        )
+        self._session = Session(shown.bake, environments, state=self._saved, listener=self._listener())
 
     def _first_state(self) -> State:
         """What is kept of the last visit, or the first map as it is."""
@@ -84,7 +82,9 @@ class Hub:
             self._file = None
             return start
         if kept.environment not in self._environments:
-            self._note(f"the environment {kept.environment!r} of the last visit is not there; name its map again")
+            self._note(
+                f"the environment {kept.environment!r} of the last visit is not there; name its map again"
+            )
             kept = replace(kept, environment=start.environment)
         return kept
 
@@ -163,7 +163,9 @@ class Hub:
             await socket.close(1002, "expected Hello with the version of the page")
             return False
         if hello.version != PROTOCOL_VERSION:
-            said = f"the page speaks version {hello.version}, the studio {PROTOCOL_VERSION}; load the page anew"
+            said = (
+                f"the page speaks version {hello.version}, the studio {PROTOCOL_VERSION}; load the page anew"
+            )
             await socket.close(1002, said)
             return False
         return True

@@ -70,8 +70,8 @@ class Light:
     def relight(self, state: State, *, exact: bool, check: Callable[[], None]) -> tuple[bool, str, int]:
         """Make the light that of a state: whether it is exact now, how it was made, how many lights are traced.
 
-        ``check`` is called now and then, and may raise to give up; what is there stays. Without ``exact`` what is there of an
-        exact light is kept, where it is of this state.
+        ``check`` is called now and then, and may raise to give up; what is there stays. Without ``exact`` what is
+        there of an exact light is kept, where it is of this state.
         """
         how = "gain"
         key = state.environment, state.rotation_deg

@@ -55,9 +55,16 @@ def changed(state: State, change: Change, *, author: int | None) -> State:
             raise InputError("RemoveDisc.id", f"{change.id!r} is not alight")
         return replace(new, discs=others)
     if len(others) >= MOST_DISCS:
-        raise InputError("SetDisc.id", f"{change.id!r} would be disc {MOST_DISCS + 1}, at most {MOST_DISCS} shine")
+        raise InputError(
+            "SetDisc.id", f"{change.id!r} would be disc {MOST_DISCS + 1}, at most {MOST_DISCS} shine"
+        )
     disc = DiscLight(
-        change.id, change.azimuth_deg, change.elevation_deg, change.radius_deg, change.radiance, change.softness
+        change.id,
+        change.azimuth_deg,
+        change.elevation_deg,
+        change.radius_deg,
+        change.radiance,
+        change.softness,
     )
     # By name: what is seen must not depend on the order in which they were lit.
     return replace(new, discs=tuple(sorted((*others, disc), key=lambda d: d.id)))
@@ -66,7 +73,9 @@ def changed(state: State, change: Change, *, author: int | None) -> State:
 def lit_discs(state: State) -> tuple[Disc, ...]:
     """The discs of a state as light; those without radiance are left out."""
     return tuple(
-        Disc.at(d.azimuth_deg, d.elevation_deg, radius_deg=d.radius_deg, radiance=d.radiance, softness=d.softness)
+        Disc.at(
+            d.azimuth_deg, d.elevation_deg, radius_deg=d.radius_deg, radiance=d.radiance, softness=d.softness
+        )
         for d in state.discs
         if any(d.radiance)
     )

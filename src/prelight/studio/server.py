@@ -73,7 +73,8 @@ def bound_socket(port: int | None) -> socket.socket:
             return listening
         except OSError as error:
             listening.close()
-            reason = f"port {number} of {HOST}: {(error.strerror or str(error)).lower()}; choose another or leave it out"
+            said = (error.strerror or str(error)).lower()
+            reason = f"port {number} of {HOST}: {said}; choose another or leave it out"
     raise OutputError("--port", reason)
 
 

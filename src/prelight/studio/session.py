@@ -31,7 +31,7 @@ class Frame:
     """A radiance frame, ready to be sent, and what it took."""
 
     number: int
-    data: bytearray
+    data: bytes
     exact: bool
     sequence: int
     kind: str
@@ -45,7 +45,9 @@ class Listener:
     """Whom the session tells, from its thread."""
 
     frame: Callable[[Frame], None]
-    waiting: Callable[[str | None], None]  # what it is busy with before the first frame; None: nothing any more
+    waiting: Callable[
+        [str | None], None
+    ]  # what it is busy with before the first frame; None: nothing any more
     stops: Callable[[State], None]  # the exposure of the map has become known
     refused: Callable[[InputError], None]  # a state that was accepted cannot be lit
     failed: Callable[[BaseException], None]  # it cannot go on
@@ -184,7 +186,7 @@ class Session:
         FrameHeader(self._number, state.sequence, light.rows, relight_ms + pack_ms, flags).write(data)
         self._shown, self._has_room = (state, is_exact), False  # until the hub says so again
         self._tell.frame(
-            Frame(self._number, data, is_exact, state.sequence, kind, relight_ms, pack_ms, strong)
+            Frame(self._number, bytes(data), is_exact, state.sequence, kind, relight_ms, pack_ms, strong)
         )
 
     def _with_stops(self, state: State) -> State:
@@ -195,4 +197,3 @@ class Session:
                 self._state = known
                 self._tell.stops(known)
         return known
-

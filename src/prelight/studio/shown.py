@@ -33,7 +33,9 @@ class Shown:
 
     @cached_property
     def _found(self) -> tuple[str, LayerRecord]:
-        from ..relighting.layer import found_layer  # which brings the compiler along: the page need not wait for it
+        from ..relighting.layer import (
+            found_layer,  # which brings the compiler along: the page need not wait for it
+        )
 
         return found_layer(self.bake)
 
@@ -102,7 +104,9 @@ class Shown:
             name: {"url": f"/geometry/{name}", "type": kind, "shape": list(array.shape)}
             for name, (kind, array) in self._arrays.items()
         }
-        materials = [{"name": m.name, "texture": t} for m, t in zip(self.bake.materials, self._worn, strict=True)]
+        materials = [
+            {"name": m.name, "texture": t} for m, t in zip(self.bake.materials, self._worn, strict=True)
+        ]
         return {
             "vertices": self.vertices,
             "triangles": self.triangles,

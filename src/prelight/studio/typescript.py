@@ -10,8 +10,8 @@ from dataclasses import MISSING, Field, fields
 from pathlib import Path
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from . import protocol
 from ..files import publish
+from . import protocol
 
 TARGET = Path(__file__).parent / "web" / "source" / "messages.ts"
 _PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
@@ -27,7 +27,9 @@ def messages_module() -> str:
         *(f"export const {name} = {value};" for name, value in _constants().items()),
         "",
         "/** Byte offsets in the header of a radiance frame, little-endian. */",
-        "export const HEADER = {" + ", ".join(f"{f}: {4 * i}" for i, f in enumerate(_HEADER_FIELDS)) + "} as const;",
+        "export const HEADER = {"
+        + ", ".join(f"{f}: {4 * i}" for i, f in enumerate(_HEADER_FIELDS))
+        + "} as const;",
         "",
         *(_interface(kind, tagged=False, optional=False) for kind in parts),
         *(_interface(kind, tagged=True, optional=True) for kind in client),
@@ -50,7 +52,7 @@ def _union(name: str, kinds: tuple[type, ...]) -> str:
     return f"export type {name} = " + " | ".join(kind.__name__ for kind in kinds) + ";\n"
 
 
-def _interface(kind: type, *, tagged: bool, optional: bool) -> str:
+def _interface(kind: Any, *, tagged: bool, optional: bool) -> str:
     hints = get_type_hints(kind)
     lines = [f'  type: "{kind.__name__}";'] if tagged else []
     lines += [_field(field, hints[field.name], optional=optional) for field in fields(kind)]

@@ -87,7 +87,7 @@ class Visitor:
     async def send_all(
         self,
         text: Callable[[str], Awaitable[None]],
-        data: Callable[[bytes | bytearray], Awaitable[None]],
+        data: Callable[[bytes], Awaitable[None]],
         *,
         has_room: Callable[[], None],
     ) -> None:

@@ -157,7 +157,7 @@ class BasisTracer:
         for tile in range(first_tile, last_tile):  # of fixed places, so that seeds do not depend on the cut
             at, end = tile * step, min((tile + 1) * step, self.settings.pixels)
             records = self._eye.trace(
-                at, end - at, samples=samples, seed=_seed(self.settings.seed, _EYE, tile)
+                at, end - at, samples=samples, seed=stage_seed(self.settings.seed, _EYE, tile)
             )
             mean, own = np.empty((end - at, 3, S), np.float32), np.empty((end - at, S), np.float32)
             pose, pose_own = np.zeros((2, end - at, len(chosen), 3))
@@ -175,7 +175,9 @@ class BasisTracer:
         """Pictures of all pixels to which nothing has come yet."""
         P, S = self.settings.pixels, self.lamp.functions
         posed, posed_variance = np.zeros((2, P, poses, 3))
-        return TracedRows(np.zeros((P, 3, S), np.float32), np.zeros((P, S), np.float32), posed, posed_variance)
+        return TracedRows(
+            np.zeros((P, 3, S), np.float32), np.zeros((P, S), np.float32), posed, posed_variance
+        )
 
     @property
     def batches(self) -> int:
@@ -190,7 +192,7 @@ class BasisTracer:
         if light is None:
             return
         share = 1.0 / (self.batches * _PARTICLES)  # whole batches, so that nothing is compiled twice
-        splats = light.trace(_PARTICLES, seed=_seed(self.settings.seed, _LAMP, batch))
+        splats = light.trace(_PARTICLES, seed=stage_seed(self.settings.seed, _LAMP, batch))
         if not len(splats.pixel):
             return
         order = np.argsort(splats.pixel, kind="stable")
@@ -258,13 +260,15 @@ def _left_out(
     if lamp.is_point:
         found.append("the lamp itself in mirrors (a point has no image; give it a radius)")
         if not from_lamp:
-            found.append("its light through glass or off mirrors onto other surfaces (no paths from the lamp)")
+            found.append(
+                "its light through glass or off mirrors onto other surfaces (no paths from the lamp)"
+            )
     if lamp.is_point or not settings.by_chance:
         found.append("its light through glass or off mirrors onto what is seen in a mirror or through glass")
     return tuple(found)
 
 
-def _seed(seed: int, stage: int, tile: int) -> int:
-    """For each stage and tile its own."""
+def stage_seed(seed: int, stage: int, tile: int) -> int:
+    """A seed for each stage and tile."""
     sequence = np.random.SeedSequence((seed, stage, tile))
     return int(sequence.generate_state(1)[0] >> 1)

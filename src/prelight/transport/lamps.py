@@ -71,7 +71,7 @@ class LuminousTriangles:
     def of_scene(cls, scene: Scene, *, each: bool = False) -> LuminousTriangles:
         """What a scene's materials emit, all as one light, or one light for each luminous material."""
         emission = np.array([material.emission for material in scene.materials], np.float32).reshape(-1, 3)
-        shining = np.flatnonzero(emission.any(axis=1)[scene.material_of])
+        shining = np.flatnonzero(np.any(emission, axis=1)[scene.material_of])
         materials, light_of = np.unique(scene.material_of[shining], return_inverse=True)
         return cls(
             scene.positions[scene.triangles[shining]],
@@ -102,7 +102,9 @@ def lamp_light(
     centres, radii = _points(mi, lamps.centres), mi.Float(np.ascontiguousarray(lamps.radii, np.float32))
 
     def seen(lamp: Any, origin: Any, normal: Any, numbers: Any) -> tuple:
-        return _through_cone(mi, _at(mi.Point3f, centres, lamp), _at(mi.Float, radii, lamp), origin, normal, numbers)
+        return _through_cone(
+            mi, _at(mi.Point3f, centres, lamp), _at(mi.Float, radii, lamp), origin, normal, numbers
+        )
 
     plan = _Pairs(occluders, origins, normals, lights=len(lamps), rays=count, seed=seed)
     return plan.sums(seen) * np.asarray(lamps.power, np.float32)
@@ -182,7 +184,10 @@ class _AreaTable:
         self._weight = _points(mi, weight)
         self._upper = mi.Float(np.float32(upper))
         self._halvings = int(np.diff(starts).max()).bit_length()
-        self._start, self._stop = mi.UInt32(starts[:-1].astype(np.uint32)), mi.UInt32(starts[1:].astype(np.uint32))
+        self._start, self._stop = (
+            mi.UInt32(starts[:-1].astype(np.uint32)),
+            mi.UInt32(starts[1:].astype(np.uint32)),
+        )
 
     def seen(self, light: Any, origin: Any, normal: Any, numbers: Any) -> tuple:
         """Direction, length and weight (red, green, blue) of rays to a light."""

@@ -1,8 +1,8 @@
 """The reference of bounced light: direct and indirect irradiance at receivers by Mitsuba's own ``path``.
 
-Slow and plain. Each sample of a receiver asks for light once and looks once along a cosine-distributed ray: what that ray
-finds shining is direct light (weighted with the other, balance heuristic), what it finds lit is indirect light, which
-``path`` works out with the scene's own BSDFs to any depth.
+Slow and plain. Each sample of a receiver asks for light once and looks once along a cosine-distributed ray: what that
+ray finds shining is direct light (weighted with the other, balance heuristic), what it finds lit is indirect light,
+which ``path`` works out with the scene's own BSDFs to any depth.
 """
 
 from __future__ import annotations
@@ -114,13 +114,13 @@ class LitScene:
         """
         strata = _strata(samples)
         if samples < 2 or (bounces is not None and bounces < 0):
-            raise InputError("reference", f"{samples} samples and {bounces} bounces, expected 2 and 0 or more")
+            raise InputError(
+                "reference", f"{samples} samples and {bounces} bounces, expected 2 and 0 or more"
+            )
         scene = self.scene
         normals = scene.normals[receivers]
-        if origins is None:
-            stand = just_inside(scene.positions, scene.triangles, receivers)
-        else:
-            stand = origins[receivers]
+        own = origins is not None
+        stand = origins[receivers] if own else just_inside(scene.positions, scene.triangles, receivers)
         stand = stand + ray_offset(scene.positions) * normals
         depth = DEEPEST if bounces is None else bounces + 1  # as ``path`` counts from what a receiver sees
         integrator = self.mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": ROULETTE_FROM})
@@ -151,7 +151,9 @@ class LitScene:
         sampler.seed(seed, count * samples)
         lane = dr.arange(mi.UInt32, count * samples) // dr.opaque(mi.UInt32, samples)
         o, n = (
-            dr.gather(mi.Point3f, mi.Point3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in a.T)), lane)
+            dr.gather(
+                mi.Point3f, mi.Point3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in a.T)), lane
+            )
             for a in (origins, normals)
         )
         n = mi.Normal3f(n)
@@ -188,7 +190,7 @@ def _balance(own: Any, other: Any) -> Any:
 
 
 def _moments(direct: np.ndarray, indirect: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Means and variances of means over the last axis (independent sets), (receivers, 3) each, in the order of ``LightWithVariance``."""
+    """Means over the last axis, of independent sets, and their variances; in the order of ``LightWithVariance``."""
     out = []
     for values in (direct, indirect):
         wide = values.astype(np.float64)

@@ -53,7 +53,7 @@ def path_traced_radiance(  # noqa: PLR0913 - the geometry is three of them
     return _mean_and_variance(values, points=1)
 
 
-def path_traced_view(
+def path_traced_view(  # noqa: PLR0913
     surfaces: SurfaceScene,
     points: SeenPoints,
     *,

@@ -109,9 +109,7 @@ def _pixel(first, samples, records, counts, scale, periods, weights, mean, secon
         i = first + j
         if counts[i] == 0:
             continue
-        _add_sample(
-            i, carried, left, lanes, counts[i], scale, scratch, harmonic, wave_u, wave_v, value
-        )
+        _add_sample(i, carried, left, lanes, counts[i], scale, scratch, harmonic, wave_u, wave_v, value)
         for c in range(3):
             for s in range(S):
                 total[c, s] += value[c, s]
@@ -163,7 +161,9 @@ def add_pixels(samples, records, counts, scale, periods, weights, mean, variance
 
 
 @njit(cache=True)
-def _splats(first, last, order, arrived, left, share, scale, periods, weights, image, squares, posed, posed_squares):
+def _splats(
+    first, last, order, arrived, left, share, scale, periods, weights, image, squares, posed, posed_squares
+):
     """One pixel's run of splats; ``squares`` and ``posed_squares`` grow by Σ (share · value)²."""
     particle, colour = arrived
     S = image.shape[1]
@@ -210,7 +210,9 @@ def _splats(first, last, order, arrived, left, share, scale, periods, weights, i
     parallel=True,
     cache=True,
 )  # fmt: skip
-def add_splats(sorting, arrived, left, share, scale, periods, weights, images, variance, posed, posed_variance):
+def add_splats(
+    sorting, arrived, left, share, scale, periods, weights, images, variance, posed, posed_variance
+):
     """Add what light-traced paths bring to the pixels they meet, in the order of the paths.
 
     sorting: where each pixel's run begins (groups+1,) in the order (splats,) by pixel, and the pixel (splats,);

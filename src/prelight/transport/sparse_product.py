@@ -28,7 +28,7 @@ class LightBlocks:
     ) -> None:
         """Write the product of some rows to ``out``; row i has entries starts[i] … starts[i + 1] − 1."""
         for where, light in self._blocks:
-            product = _aligned(len(out), light.shape[1])
+            product = aligned(len(out), light.shape[1])
             multiply_block(starts, columns, values, light, product)
             out[:, where] = product[:, : where.stop - where.start]
 
@@ -55,13 +55,13 @@ def _cut(count: int) -> Iterator[tuple[slice, int]]:
 
 
 def _padded(light: np.ndarray, width: int) -> Float32[np.ndarray, "vertices width"]:
-    block = _aligned(len(light), width)
+    block = aligned(len(light), width)
     block[:, : light.shape[1]] = light
     block[:, light.shape[1] :] = 0
     return block
 
 
-def _aligned(rows: int, columns: int) -> Float32[np.ndarray, "rows columns"]:
+def aligned(rows: int, columns: int) -> Float32[np.ndarray, "rows columns"]:
     """Memory in which every row begins with a cache line."""
     raw = np.empty(4 * rows * columns + _LINE, np.uint8)
     start = -raw.ctypes.data % _LINE

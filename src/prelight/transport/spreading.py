@@ -10,23 +10,39 @@ import numpy as np
 from numba import njit, prange, types
 
 from ..arrays import Float32
+from ..scene.geometry import Scene
 from .gathering import Gathering
 
 _STRIP = 16  # columns of one thread
 
 
 class Spreading:
-    """A ``Gathering`` whose ``bounce`` is its transpose, so that whatever solves the one solves the other."""
+    """A ``Gathering`` whose ``bounce`` is its transpose, so that whatever solves the one solves the other.
 
-    def __init__(self, gathering: Gathering) -> None:
+    Per area of a vertex: a fine part of a mesh would otherwise count more than a coarse one, and with it what is seen
+    of it, until no bound of what remains holds. By reciprocity it then leaves as much of light as the operator itself.
+
+    Attributes
+    ----------
+    areas
+        (V, 1, 1) of the triangles around each vertex, 1 on the mean, and where there are none.
+    """
+
+    def __init__(self, gathering: Gathering, scene: Scene) -> None:
         self._gathering = gathering
+        corners = scene.positions[scene.triangles].astype(np.float64)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.zeros(len(scene.positions))
+        np.add.at(areas, scene.triangles, np.linalg.norm(across, axis=1)[:, None])
+        areas[areas <= 0] = areas.mean()
+        self.areas = (areas / areas.mean()).astype(np.float32)[:, None, None]
 
     def bounce(
         self, X: Float32[np.ndarray, "vertices columns channels"]
     ) -> Float32[np.ndarray, "vertices columns channels"]:
-        """(Gρ)ᵀ X, channel by channel."""
+        """(Gρ)ᵀ (areas · X) / areas, channel by channel."""
         V, K, C = X.shape
-        gathering = self._gathering
+        gathering, X = self._gathering, X * self.areas
         coloured = gathering.coloured_entries
         out = np.zeros((C, V, K), np.float32)
         wide = [np.ascontiguousarray(X[:, :, c]) for c in range(C)]
@@ -36,7 +52,7 @@ class Spreading:
                 spread(tile.starts, tile.columns, values, wide[c][tile.rows], out[c])
         if coloured == 0:
             out *= gathering.albedo.T[:C, :, None]
-        return np.ascontiguousarray(np.moveaxis(out, 0, 2))
+        return np.ascontiguousarray(np.moveaxis(out, 0, 2)) / self.areas
 
 
 _i4_1 = types.Array(types.int32, 1, "C", readonly=True)
@@ -60,9 +76,7 @@ def spread(starts, columns, values, X, out):
     """out (columns, n) += transpose of rows of a sparse matrix times X (rows, n); a thread has whole columns."""
     n = out.shape[1]
     for strip in prange((n + _STRIP - 1) // _STRIP):
-        _spread_strip(
-            starts, columns, values, X, out, strip * _STRIP, min(n, (strip + 1) * _STRIP)
-        )
+        _spread_strip(starts, columns, values, X, out, strip * _STRIP, min(n, (strip + 1) * _STRIP))
 
 
 @njit(cache=True)

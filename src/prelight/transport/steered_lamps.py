@@ -126,7 +126,9 @@ class SteeredPanel:
         if across > 1e-4 * float(np.linalg.norm(self.side_u) * np.linalg.norm(self.side_v)):
             raise InputError("panel", "its sides are not at right angles; a panel is a rectangle")
         if self.functions > MOST_FUNCTIONS:
-            what = f"{self.functions:,} functions, at most {MOST_FUNCTIONS:,}; fewer periods or a lower degree"
+            what = (
+                f"{self.functions:,} functions, at most {MOST_FUNCTIONS:,}; fewer periods or a lower degree"
+            )
             raise InputError("panel", what)
 
     @property
@@ -187,8 +189,10 @@ def lamp_from_dict(values: object) -> SteeredLamp:
     """From untrusted plain data, as ``to_dict`` gives it. Raises InputError."""
     if not isinstance(values, Mapping) or values.get("kind") not in ("spot", "panel"):
         raise InputError("lamp", "expected a table of kind spot or panel")
-    kind = SteeredSpot if values["kind"] == "spot" else SteeredPanel
-    fields = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "kind"}
+    kind: Any = SteeredSpot if values["kind"] == "spot" else SteeredPanel
+    fields: dict[str, Any] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "kind"
+    }
     try:
         return kind(**fields)
     except (TypeError, ValueError) as error:

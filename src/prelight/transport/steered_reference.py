@@ -58,11 +58,11 @@ def steered_emitter(mi: Any, lamp: SteeredLamp, emission: Emission) -> dict[str,
             pass
 
     name = "prelight_steered"
-    mi.register_emitter(name, lambda props: Shining(props))
+    mi.register_emitter(name, Shining)
     return lamp.emitting_shape({"type": name})
 
 
-def path_traced_picture(
+def path_traced_picture(  # noqa: PLR0913 - a picture's size and quality
     surfaces: SurfaceScene,
     lamp: SteeredLamp,
     camera: Camera,

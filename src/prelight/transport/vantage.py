@@ -16,6 +16,7 @@ from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..scene.geometry import Scene
 from .hemisphere import lit_sides
+from .sparse_product import aligned
 
 _INSET = 4.0  # offsets of a ray's origin from its surface: how far from an edge a vantage point is
 _TOUCH = 0.25  # offsets: a ray that begins nearer to a surface, or behind it, begins on it
@@ -73,12 +74,12 @@ class _Probe:
         import drjit as dr
 
         mi = self._mi
-        o, d = (
-            mi.Vector3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in a.T))
-            for a in (origins, directions)
-        )
-        most = mi.Float(np.ascontiguousarray(reach, np.float32))
-        hit = self._scene.ray_intersect_preliminary(mi.Ray3f(mi.Point3f(o), d, most, 0.0, []))
+        # Memory is used in place, and whether it begins with a cache line would be part of the compiled program.
+        block = aligned(7, -(-len(origins) // 16) * 16)[:, : len(origins)]
+        block[:3], block[3:6], block[6] = origins.T, directions.T, reach
+        columns = [mi.Float(x) for x in block]
+        o, d, most = mi.Point3f(*columns[:3]), mi.Vector3f(*columns[3:6]), columns[6]
+        hit = self._scene.ray_intersect_preliminary(mi.Ray3f(o, d, most, 0.0, []))
         triangle = dr.select(hit.is_valid(), mi.Int32(hit.prim_index), -1)
         distance = dr.select(hit.is_valid(), hit.t, dr.inf)
         dr.eval(triangle, distance)

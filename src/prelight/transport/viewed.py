@@ -196,7 +196,7 @@ def squared_distances(rows, sample, distance):
 
 
 @njit(cache=True)
-def _corrections(rows, sample, d, D_C, normals, correction, least, most):
+def _corrections(rows, sample, d, D_C, normals, correction, bounds):
     """Integral over mean of the samples' cosines for each receiver, as in ``direct``, where that is what it needs.
 
     1 where all lights of the node are samples, so that nothing is left to estimate, and where what samples bring
@@ -207,6 +207,7 @@ def _corrections(rows, sample, d, D_C, normals, correction, least, most):
     correction[:] = 1
     if used < len(sample):
         return
+    least, most = bounds[0], bounds[1]
     least[:], most[:] = np.inf, 0
     for l in range(len(sample)):
         T_l = rows[sample[l]]
@@ -246,8 +247,9 @@ def _channel_mean(rows, sample, channel, correction, T_C, column):
 
 @njit(cache=True)
 def _node_means(rows, sample, d, D_C, normals, columns, scale):
-    T_C, correction, least, most = np.empty((4, rows.shape[2]), np.float32)
-    _corrections(rows, sample, d, D_C, normals, correction, least, most)
+    T_C, correction = np.empty((2, rows.shape[2]), np.float32)
+    bounds = np.empty((2, rows.shape[2]), np.float32)
+    _corrections(rows, sample, d, D_C, normals, correction, bounds)
     for channel in range(3):
         scale[channel] = _channel_mean(rows, sample, channel, correction, T_C, columns[channel])
 

@@ -43,7 +43,7 @@ class ViewedGathering:
         From each receiver, shared by its points; about so many.
     """
 
-    def __init__(  # noqa: PLR0913
+    def __init__(
         self,
         occluders: Occluders,
         scene: Scene,

@@ -28,7 +28,9 @@ EBONY = Material("ebony", (0.030, 0.024, 0.021), roughness=0.26, specular=1.0)
 GLASS = Material("glass", (0.9, 0.9, 0.9), bsdf={"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0})
 MIRROR = Material(
     "mirror", (0.9, 0.9, 0.9),
-    bsdf={"type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": [0.93, 0.92, 0.90]}},
+    bsdf={
+        "type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": [0.93, 0.92, 0.90]},
+    },
 )  # fmt: skip
 CLOTH = Material("cloth", (0.40, 0.37, 0.33))
 WALL = Material("wall", (0.60, 0.585, 0.55))
@@ -48,7 +50,11 @@ CAMERAS = {
     "close": Camera(eye=(0.30, 0.27, 0.72), target=(0.02, 0.085, -0.02), vertical_fov_deg=25.0),
 }
 SPOT_AT = (0.50, 0.78, 0.46)  # where a spot shows the scene well
-PANEL = ((-0.55, 0.95, -0.40), (1.1, 0.0, 0.0), (0.0, 0.0, 1.1))  # corner and sides of one overhead, facing down
+PANEL = (
+    (-0.55, 0.95, -0.40),
+    (1.1, 0.0, 0.0),
+    (0.0, 0.0, 1.1),
+)  # corner and sides of one overhead, facing down
 
 # What stands on which square (column, row from the front), columns −4 to 3 and rows 0 to 7.
 _MEN = (

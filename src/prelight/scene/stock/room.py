@@ -1,8 +1,9 @@
-"""A room with one window, for light that bounces: an ochre wall, oak boards, a vase on a plinth, a stool, a shelf of fruit."""
+"""A room with one window, for light that bounces: an ochre wall, oak boards, a vase, a stool, a shelf of fruit."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -69,13 +70,12 @@ def room(*, detail: float = 1.0) -> Scene:
     return scene_of("room" if detail >= 1 else "room-small", parts, cameras=CAMERAS, textures=(oak(),))
 
 
-def _ticks(low: float, high: float, *, step: float, through: tuple[float, ...] = ()) -> Float64[np.ndarray, "n"]:
+def _ticks(
+    low: float, high: float, *, step: float, through: tuple[float, ...] = ()
+) -> Float64[np.ndarray, "n"]:
     """From ``low`` to ``high`` in steps of about ``step``, some places among them."""
     places = [low, *through, high]
-    pieces = [
-        np.linspace(a, b, max(1, round((b - a) / step)), endpoint=False)
-        for a, b in zip(places, places[1:], strict=False)
-    ]
+    pieces = [np.linspace(a, b, max(1, round((b - a) / step)), endpoint=False) for a, b in pairwise(places)]
     return np.append(np.concatenate(pieces), high)
 
 
@@ -151,14 +151,20 @@ def _floor(step: float) -> Part:
 def _things(detail: float) -> list[tuple[Part, Material]]:
     cells = max(3, round(11 * detail))
     stone = plinth(
-        half_width=PLINTH_HALF, height=PLINTH_HEIGHT, chamfer=0.006, gap=GAP, cells=(cells, round(1.7 * cells))
+        half_width=PLINTH_HALF,
+        height=PLINTH_HEIGHT,
+        chamfer=0.006,
+        gap=GAP,
+        cells=(cells, round(1.7 * cells)),
     )
     stool = plinth(half_width=STOOL_HALF, height=STOOL_HEIGHT, chamfer=0.012, gap=GAP, cells=(cells, cells))
     vase = VASE.part(along=max(12, round(60 * detail)), around=2 * max(5, round(26 * detail))).scaled(1.5)
     x, z = PLINTH_AT
     long = max(8, round(30 * detail)), max(3, round(6 * detail)), 1
     shelf = slab(half=(0.62, 0.11), height=0.035, chamfer=0.003, gap=0.0, cells=long)
-    canvas = slab(half=(0.52, 0.37), height=0.03, chamfer=0.003, gap=0.0, cells=(round(1.5 * cells), cells, 1))
+    canvas = slab(
+        half=(0.52, 0.37), height=0.03, chamfer=0.003, gap=0.0, cells=(round(1.5 * cells), cells, 1)
+    )
     canvas = replace(canvas, positions=canvas.positions[:, [1, 0, 2]] * (-1, 1, 1))  # on the right wall
     canvas = replace(canvas, normals=canvas.normals[:, [1, 0, 2]] * (-1, 1, 1))
     at_shelf = -0.95, 1.26, -HALF_DEPTH + GAP + 0.11

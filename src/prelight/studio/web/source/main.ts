@@ -152,7 +152,9 @@ class Page {
       made.setAttribute("aria-pressed", String(i === 0));
       return made;
     });
-    const mark = (chosen: number) => buttons.forEach((made, i) => made.setAttribute("aria-pressed", String(i === chosen)));
+    const mark = (chosen: number) => {
+      buttons.forEach((made, i) => made.setAttribute("aria-pressed", String(i === chosen)));
+    };
     const choose = (camera: CameraView, i: number) => {
       this.stage.look(camera);
       mark(i);

@@ -40,7 +40,7 @@ export interface Range {
 /** A labelled slider; `show` moves it without telling anybody. */
 export function slider(range: Range): { row: HTMLElement; show: (value: number) => void } {
   const { least, most, step } = range;
-  const said = element("output", {});
+  const said = element("span", { class: "said", "aria-hidden": "true" });
   const bounds = { min: String(least), max: String(most), step: String(step), "aria-label": range.name };
   const input = element("input", { type: "range", class: range.kind ?? "plain", ...bounds });
   const label = element("span", { class: "name", title: "Double click: back to the middle" }, range.name);
@@ -80,6 +80,7 @@ export function choice<Value extends string>(
   choose: (value: Value) => void,
 ): { row: HTMLElement; show: (value: Value) => void } {
   const row = element("div", { class: "choice", role: "radiogroup", "aria-label": name });
+  chooseByArrows(row);
   const buttons = options.map(([value, label]) => {
     const made = button(label, () => choose(value), { role: "radio" });
     row.append(made);
@@ -89,6 +90,21 @@ export function choice<Value extends string>(
     for (const [value, made] of buttons) made.setAttribute("aria-checked", String(value === chosen));
   };
   return { row, show };
+}
+
+/** Arrow keys go to the next radio of a group, and choose it. */
+export function chooseByArrows(group: HTMLElement): void {
+  const ways: Record<string, number> = { ArrowLeft: -1, ArrowUp: -1, ArrowRight: 1, ArrowDown: 1 };
+  group.addEventListener("keydown", (event) => {
+    const way = ways[event.key];
+    const radios = [...group.querySelectorAll<HTMLButtonElement>("[role=radio]")];
+    const at = radios.indexOf(event.target as HTMLButtonElement);
+    if (way === undefined || at < 0) return;
+    event.preventDefault();
+    const next = radios[(at + way + radios.length) % radios.length];
+    next?.focus();
+    next?.click();
+  });
 }
 
 /** Signed stops, with a proper minus. */

@@ -1,6 +1,7 @@
 // Disc lights: add them, drag them on the strip, dim, size, soften, colour and remove them.
 
-import { COOLEST, fromHex, hue, kelvinOf, luminance, NEUTRAL, ofKelvin, type Rgb, times, toHex, WARMEST } from "../colour";
+import { COOLEST, NEUTRAL, type Rgb, WARMEST } from "../colour";
+import { fromHex, hue, kelvinOf, luminance, ofKelvin, times, toHex } from "../colour";
 import type { DiscLight } from "../messages";
 import type { Look, Rig } from "../rig";
 import { button, element, section, slider, stops, wrapped } from "./elements";
@@ -41,7 +42,8 @@ export class LightsPanel {
     const { strength, size, softness, warmth } = this.sliders;
     const coloured = element("div", { class: "with-colour" }, warmth.row, this.tint);
     this.settings.append(strength.row, size.row, softness.row, coloured);
-    this.part = section("Lights", this.strip.box, this.settings, element("div", { class: "buttons" }, this.add, remove));
+    const buttons = element("div", { class: "buttons" }, this.add, remove);
+    this.part = section("Lights", this.strip.box, this.settings, buttons);
     this.remover = remove;
   }
 
@@ -128,7 +130,7 @@ export class LightsPanel {
   }
 }
 
-/** What a white surface that faces it would reflect: radiance times solid angle over pi. It stays when the size changes. */
+/** What a white surface that faces it reflects: radiance · solid angle / π. It stays when the size changes. */
 function power({ radiance, radius_deg }: Pick<DiscLight, "radiance" | "radius_deg">): number {
   return luminance(radiance) * solidAngleOverPi(radius_deg);
 }

@@ -1,11 +1,12 @@
 // The environment: which map, its turn, its strength, its colour.
 
-import { COOLEST, fromHex, hue, kelvinOf, luminance, NEUTRAL, ofKelvin, type Rgb, times, toHex, WARMEST } from "../colour";
+import { COOLEST, NEUTRAL, type Rgb, WARMEST } from "../colour";
+import { fromHex, hue, kelvinOf, luminance, ofKelvin, times, toHex } from "../colour";
 import { fetchPreview } from "../geometry";
 import type { EnvironmentChoice } from "../messages";
 import type { Look, Rig } from "../rig";
 import { Dome } from "./dome";
-import { button, degrees, element, section, slider, stops, wrapped } from "./elements";
+import { button, chooseByArrows, degrees, element, section, slider, stops, wrapped } from "./elements";
 
 const BRIGHTEST = 6; // stops
 const DIMMEST = -6;
@@ -27,6 +28,7 @@ export class SkyPanel {
     private readonly rig: Rig,
     private readonly showMap: (map: ImageBitmap) => void,
   ) {
+    chooseByArrows(this.choices);
     const change = (degrees: number, dragging: boolean) => rig.change({ rotation_deg: degrees }, { dragging });
     this.dome = new Dome(change);
     this.turn = slider({
@@ -71,7 +73,9 @@ export class SkyPanel {
   }
 
   show(look: Look): void {
-    for (const [id, { button: made }] of this.thumbnails) made.setAttribute("aria-checked", String(id === look.environment));
+    for (const [id, { button: made }] of this.thumbnails) {
+      made.setAttribute("aria-checked", String(id === look.environment));
+    }
     this.name.textContent = this.thumbnails.get(look.environment)?.choice.title ?? look.environment;
     this.turn.show(wrapped(look.rotation_deg));
     this.strength.show(Math.log2(Math.max(look.scale * level(look.tint), 2 ** DIMMEST)));

@@ -47,8 +47,8 @@ export class Eye {
   }
 
   /** Only the given camera: where the pixels of a picture are the receivers. */
-  hold(): void {
-    this.controls.enabled = false;
+  hold(isHeld: boolean): void {
+    this.controls.enabled = !isHeld;
   }
 
   /** Go to a camera of the bake; at once the first time, or where motion is not wanted. */
@@ -59,6 +59,7 @@ export class Eye {
       fov: view.vertical_fov_deg,
     };
     const isHeld = !this.controls.enabled;
+    this.pose = { ...this.pose, position: this.camera.position.clone(), target: this.controls.target.clone() };
     this.camera.up.set(...view.up).normalize();
     this.controls.dispose();
     this.controls = this.newControls();
@@ -67,7 +68,7 @@ export class Eye {
       this.flight = null;
       this.take(to);
     } else {
-      this.flight = { from: { ...this.pose, position: this.camera.position.clone() }, to, began: performance.now() };
+      this.flight = { from: this.pose, to, began: performance.now() };
     }
     this.changed();
   }

@@ -71,7 +71,8 @@ export class PixelPicture {
     geometry.setIndex([0, 1, 2, 2, 1, 3]);
     const slope = { value: [1, 1] };
     const toWorld = { value: null as unknown };
-    const uniforms = { picture: { value: this.texture }, coverage: { value: covered }, frame: this.frame, slope, toWorld };
+    const pictures = { picture: { value: this.texture }, coverage: { value: covered } };
+    const uniforms = { ...pictures, frame: this.frame, slope, toWorld };
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
       uniforms: { ...display, ...sky, ...uniforms },

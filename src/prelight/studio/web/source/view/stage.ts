@@ -13,6 +13,7 @@ import { PixelPicture } from "./pixels";
 import { makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
 import { Surface } from "./surface";
 
+const LABEL = "The scene. Arrow keys go around it, plus and minus come nearer and go away.";
 const SHARPEST = 2; // device pixels a pixel of the page, at most
 
 export class Stage {
@@ -35,9 +36,10 @@ export class Stage {
   ) {
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
-    this.canvas.setAttribute("aria-label", "The scene. Arrow keys go around it, plus and minus come nearer and go away.");
+    this.canvas.setAttribute("aria-label", LABEL);
     host.append(this.canvas);
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    const wanted = { antialias: true, alpha: true, powerPreference: "high-performance" } as const;
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, ...wanted });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shaders encode
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setClearAlpha(0); // beside a picture of pixels, the page
@@ -53,12 +55,12 @@ export class Stage {
   /** Put a bake on the stage, in place of what is there. */
   show(welcome: Welcome, geometry: Geometry): void {
     this.shown?.dispose();
+    this.eye.hold(welcome.pixels !== null);
     this.scene.clear();
     const { display, sky } = this;
     if (welcome.pixels !== null) {
       const covered = geometry.coverage ?? new Uint8Array(welcome.receivers).fill(255);
       this.shown = new PixelPicture(welcome.pixels, covered, { display, sky });
-      this.eye.hold();
     } else {
       this.shown = new Surface(this.renderer, geometry, display);
       this.eye.frame(this.shown.sphere.center, this.shown.sphere.radius);
@@ -134,6 +136,7 @@ export class Stage {
 
   /** The canvas's pixels now, RGBA, from the bottom: for tests. */
   pixels(): { width: number; height: number; data: Uint8Array } {
+    this.eye.step(performance.now());
     this.draw();
     const gl = this.renderer.getContext();
     const { drawingBufferWidth: width, drawingBufferHeight: height } = gl;
