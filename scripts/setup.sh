@@ -60,7 +60,7 @@ install_packages() { # with apt, if we may; otherwise say in one line what to ru
 has_browser() { command -v chromium chromium-browser google-chrome >/dev/null 2>&1; }
 
 install_browser() { # where the distribution has it as a package and we may; it is never needed to use Prelight
-    apt-cache policy chromium 2>/dev/null | grep -q 'Candidate: *[0-9]' || return 1
+    [[ $(apt-cache policy chromium 2>/dev/null) =~ Candidate:\ *[0-9] ]] || return 1
     if [ "$(id -u)" != 0 ] && ! sudo -n true 2>/dev/null; then return 1; fi
     (install_packages chromium)
 }
@@ -85,7 +85,7 @@ fi
 # What .venv was made from: another lock, interpreter or place means making it anew.
 stamp="$(cat requirements.lock pyproject.toml | sha256sum | cut -d' ' -f1) $python $PWD"
 if [ "$(cat .venv/made-from 2>/dev/null)" != "$stamp" ]; then
-    say "making .venv with $("$python" --version) (a few minutes the first time, 0.7 GB)"
+    say "making .venv with $("$python" --version) (a few minutes the first time, 0.8 GB)"
     "$python" -m venv --clear .venv
     .venv/bin/python -m pip install -qq --require-hashes --only-binary :all: -r requirements.lock
     .venv/bin/python -m pip install -qq --no-deps --no-build-isolation --editable .

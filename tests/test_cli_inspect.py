@@ -36,7 +36,9 @@ def test_words_tell_layers_apart(prelight, workshop, bakes):
     for name, words in {
         "ball": [
             "diffuse vertices, seen from anywhere, 2 zones",
-            "loses      bounced light and gloss",
+            "  bounces    as often as matters",
+            "3 modes of 486 cells of light",
+            "loses      gloss",
             "  cost       ",
         ],
         "pixels": [

@@ -88,6 +88,9 @@ def _link(path: Path) -> str:
 
 
 def test_nothing_is_logged(studio: LiveStudio, capfd, caplog) -> None:
+    """However much the server is asked to log."""
+    for logger in ("uvicorn.access", "uvicorn.error", "asyncio", "websockets"):
+        caplog.set_level(0, logger=logger)
     path = studio.link_path()
     studio.request("GET", path, cookie=None)
     studio.request("GET", path, cookie=None)

@@ -67,13 +67,17 @@ def test_what_is_seen_depends_on_the_state_alone(light, bake) -> None:
     state = rig(SetEnvironment("stock:sunset", 25.0, 0.8), LAMP, SUN)
     first = lit(light, state).copy()
     rng = np.random.default_rng(3)
-    for k in range(40):
+    for k in range(12):
         moved = rig(SetEnvironment(rotation_deg=float(rng.uniform(0, 360)) if k % 4 == 0 else 25.0),
                     SetDisc("lamp", float(rng.uniform(-180, 180)), 35.0, 8.0, (6.0, 50.0, 4.0)),
                     RemoveDisc("sun") if k % 3 else SUN, start=state)  # fmt: skip
-        lit(light, moved, exact=k % 5 == 0)
+        lit(light, moved, exact=k % 6 == 0)
     assert (lit(light, state) == first).all()
     assert (lit(Light(bake, Environments()), state) == first).all()
+
+
+def test_the_order_of_lights_is_no_part_of_the_state() -> None:
+    assert rig(LAMP, SUN).discs == rig(SUN, LAMP).discs == rig(LAMP, SUN, LAMP).discs
 
 
 def test_scale_and_tint_read_no_transport(light) -> None:
@@ -201,7 +205,10 @@ def test_a_folder_offers_its_maps_and_nothing_outside(tmp_path) -> None:
     (inside / "dir.exr").mkdir()
     known = Environments(folder=inside)
     assert [c.id for c in known.choices if not c.id.startswith("stock:")] == ["in.exr"]
+    assert known.preview("in.exr").startswith(b"\x89PNG")
+    assert not known._opened  # a folder of previews is not kept in memory
     assert known.open("in.exr").pixels.max() == 1
+    assert known.stops("in.exr") == pytest.approx(0, abs=0.02)
     for name in ("link.exr", "../out/out.exr", str(outside / "out.exr"), "stock:nothing", ""):
         with pytest.raises(InputError, match="expected one of"):
             known.open(name)

@@ -90,7 +90,7 @@ def bad_messages() -> list[str]:
         found += [f'{{"type":"Seen","frame":{n}}}', f'{{"type":"Hello","version":{n}}}']
     for n in OUT_OF_RANGE["id"]:
         found.append(f'{{"type":"RemoveDisc","id":{n}}}')
-    for n in ("1", "true", '""', "[]", "{}", '"' + "a" * 201 + '"'):
+    for n in ("1", "true", '""', "[]", "{}", '"' + "a" * 301 + '"'):
         found.append(f'{{"type":"SetEnvironment","environment":{n}}}')
     for n in ("1", '"yes"', "null", "[]"):
         found.append(f'{{"type":"SetEnvironment","dragging":{n}}}')

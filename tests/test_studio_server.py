@@ -336,3 +336,13 @@ def test_it_ends_cleanly(bake, tmp_path, stop, code) -> None:
     assert out == ""
     assert "Traceback" not in err
     assert err == ("prelight: stopped\n" if code else "")
+
+
+def test_the_page_waits_for_no_compiler() -> None:
+    """Nor does the studio need the renderer."""
+    code = (
+        "import sys, prelight.studio.server; print('numba' in sys.modules);"
+        "import prelight.studio.light; print('mitsuba' in sys.modules or 'drjit' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert run.stdout.split() == ["False", "False"]

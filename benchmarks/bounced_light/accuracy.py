@@ -68,6 +68,8 @@ def against_path_tracer(lit: lit_scenes.LitScene, work: Path, name: str) -> dict
         direct_at=lambda points, normals: lit.direct(baked.occluders, points, normals),
     )  # fmt: skip
     area = areas(scene) * scene.normals.any(axis=1)
+    if lit.looked_at is not None:
+        area *= lit.looked_at
     rows = np.sort(
         np.random.default_rng(12).choice(len(area), RECEIVERS, replace=False, p=area / area.sum())
     ).astype(np.int32)
@@ -97,7 +99,7 @@ def _figures(ours: np.ndarray, reference: np.ndarray, variance: np.ndarray) -> d
     found = compare(ours, reference, variance, tolerance=0.05 * float(np.abs(reference).mean()))
     return {
         "mean_difference": found.mean_difference,
-        "of_which_noise": float(np.sqrt(2 / np.pi) * np.sqrt(variance).sum() / np.abs(reference).sum()),
+        "of_which_noise": float(np.sqrt(2 / np.pi * variance).sum() / max(np.abs(reference).sum(), 1e-300)),
         "signed_mean": found.signed_mean,
         "detectable_bias": found.detectable_bias,
         "relative_rms": found.relative_rms,
@@ -182,6 +184,7 @@ def _picture(lit: lit_scenes.LitScene, baked: Baked, path: Path) -> None:
         axis=2, keepdims=True
     )  # the lamp's edge is a matter of pixel filters
     white = float(np.percentile(theirs[~shining[..., 0]], 98.5))
+    shining |= (theirs > 5 * white).any(axis=2, keepdims=True)  # lamps of the reference
     without = np.where(shining, theirs, ours.linear)
     factor = min(readable_factor(white, without, theirs), 20.0)
     shown = [_bytes(image / white) for image in (ours.linear, theirs)]

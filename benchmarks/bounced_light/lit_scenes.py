@@ -35,6 +35,7 @@ class LitScene:
         [Occluders, np.ndarray, np.ndarray], np.ndarray
     ]  # at points with normals: E / π (n, 1, 3)
     said: str
+    looked_at: np.ndarray | None = None  # (V,) bool: receivers that count; all if None
 
 
 def _by_sky(scene: Scene, cube: np.ndarray, said: str) -> LitScene:
@@ -93,7 +94,9 @@ def room_and_bunny(data: Path) -> LitScene:
     """The stock room with a bunny on its stool, lit by the sky in its window."""
     bunny = pl.load_scene(data / "bunny" / "bun_zipper_res2.ply")
     scene = _joined(rooms.room(detail=1.1), _on_the_stool(bunny))
-    return _by_sky(scene, smooth_sky(), "a sky through its window; 36,000 room, 8,171 bunny vertices")
+    lit = _by_sky(scene, smooth_sky(), "a sky through its window; 36,000 room, 8,171 bunny vertices")
+    outside = scene.materials.index(rooms.OUTSIDE)  # under the open sky, which is no test
+    return replace(lit, looked_at=scene.material_of_vertex != outside)
 
 
 def sponza(data: Path) -> LitScene:

@@ -47,7 +47,7 @@ def baked(scene: pl.Scene, path: Path, **settings) -> tuple[pl.Bake, dict]:
     try:
         found = pl.Bake.open(path)
     except InputError:
-        plan = plan_environment(scene, EnvironmentSettings(**settings))
+        plan = plan_environment(scene, EnvironmentSettings(**({"bounces": 0} | settings)))
         started = time.perf_counter()
 
         def report(done: float, left: float, clusters: int) -> None:

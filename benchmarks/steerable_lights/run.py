@@ -77,7 +77,7 @@ def agreement(setting: Setting) -> dict[str, Any]:
             less[degree**2 :] = 0
             found[f"{name} {degree}"] = _held(setting, spot(degree, radius=0.15), emission, weights, less)
     weights, emission = panel_light(4, at)
-    less, _ = panel_light(4, at + (0.05, 0))
+    less, _ = panel_light(4, at + np.array([0.05, 0.0]))
     found["panel, 81 lights"] = _held(setting, panel(4), emission, weights, less)
     weights, emission = panel_light(2, at, degree=3, aim=aims(1, 7)[0])
     less, _ = panel_light(2, at, degree=3, aim=aims(1, 8)[0])
@@ -143,7 +143,7 @@ def poses(setting: Setting) -> dict[str, Any]:
     tracer = setting.tracer(spot(5))
     setting.traced(tracer)
     bake = seconds(lambda: setting.traced(tracer))
-    weights, emission = spot_light(5, aims(1)[0])
+    _, emission = spot_light(5, aims(1)[0])
 
     def picture() -> Any:
         return path_traced_picture(
@@ -222,8 +222,8 @@ PARTS: dict[str, Callable[[Setting], dict[str, Any]]] = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", help=", ".join(PARTS))
-    parser.add_argument("--size", type=int, default=192)
-    parser.add_argument("--samples", type=int, default=256)
+    parser.add_argument("--size", type=int, default=128)
+    parser.add_argument("--samples", type=int, default=512)
     parser.add_argument("--light-paths", type=int, default=128)
     given = parser.parse_args()
     setting = Setting(given.size, given.samples, given.light_paths)

@@ -13,7 +13,7 @@ from ..encoding.principal_components import Images
 from ..storage.chunks import ArraySpec, ChunkRecord, open_chunk
 
 _STRIP = 16_000_000  # numbers at a time
-_BRIGHT = 99.0  # per cent of the pixels are darker
+_BRIGHT = 99.8  # per cent of the pixels are darker
 
 Chunk = tuple[str, ChunkRecord, int]  # key, record, first pixel
 
@@ -72,7 +72,7 @@ class Evened:
     """Images (S, pixels, 3) in which no pixel counts much more than others.
 
     A lamp in a mirror is a thousand times as bright as all else, and a thousand pixels' errors would hide behind it. A
-    pixel brighter than nearly all (RMS over functions and channels, against the 99th percentile) is dimmed to that.
+    pixel brighter than nearly all (RMS over functions and channels, against the 99.8th percentile) is dimmed to that.
     """
 
     def __init__(self, images: Images, basis: SampledSet) -> None:

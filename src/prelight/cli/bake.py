@@ -76,7 +76,7 @@ def environment(
     sun_paths
         A latitude in degrees, or any: where the sun stands there at some hour of the year (north is -Z; any: wherever
         above the horizon) lights are clustered four times as strictly, and a sun errs by less than 1 % without rays.
-        Two to five times the clusters; not needed where relighting traces the sun, as it does for diffuse vertices.
+        Two to four times the clusters; not needed where relighting traces the sun, as it does for diffuse vertices.
     bounces
         How often light may bounce from surface to surface before it arrives, at most 1000; 0 for direct light only.
         If not given as often as matters: until what is left is below a thousandth of it.

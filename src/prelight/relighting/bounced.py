@@ -9,6 +9,7 @@ from ..encoding.sparse_tiles import GROUP
 from .bounced_kernels import blocks_of, bounce, project
 from .bounced_layer import BouncedLayer
 from .layer import EnvironmentLayer
+from .pace import Pace
 from .strong_lights import StrongLights
 
 Light = Float64[np.ndarray, "cells 3"]
@@ -33,6 +34,7 @@ class BouncedLight:
         self._every = np.arange(part.modes.shape[1], dtype=np.int32)
         self._light = np.zeros((len(nodes), 3))
         self._sums = np.zeros((layer.groups, 3 * GROUP), np.float32)
+        self._pace = Pace(bounce)
         self._strong: tuple[StrongLights, Radiance] | None = None
 
     def follow(self, light: Light) -> bool:
@@ -73,7 +75,8 @@ class BouncedLight:
     def _of_cells(self, light: Light) -> Coefficients:
         weights = self.part.weights
         wide = np.broadcast_to(weights, (3, *weights.shape[1:]))
-        return np.stack([wide[c] @ light[:, c].astype(np.float32) for c in range(3)], axis=1)
+        light = light.astype(np.float32)  # not by a library that would wait for threads
+        return np.stack([np.einsum("kj,j->k", wide[c], light[:, c]) for c in range(3)], axis=1)
 
     def _projected(self, direct: Float64[np.ndarray, "rows 3"]) -> Coefficients:
         sources, scales = self.part.sources, self.part.source_scales
@@ -84,7 +87,7 @@ class BouncedLight:
 
     def _multiply(self, coefficients: Coefficients, out: np.ndarray) -> None:
         weights = (coefficients * self.part.scales[:, None]).astype(np.float32)
-        bounce(self.part.modes, self._every, np.ascontiguousarray(weights), out)
+        self._pace(self.part.modes.nbytes, self.part.modes, self._every, np.ascontiguousarray(weights), out)
 
     def _in_rows(self, sums: np.ndarray) -> Radiance:
         order = self._layer.order

@@ -59,7 +59,9 @@ class Environments:
         for name, sky in STOCK_SKIES.items():
             self._add(STOCK_PREFIX + name, STOCK_PREFIX + name, title=f"{name.capitalize()}: {sky.title}")
         self._opened: OrderedDict[str, Environment] = OrderedDict()
-        self._lock = threading.Lock()
+        self._stops: dict[str, float] = {}
+        self._previews: dict[str, bytes] = {}
+        self._opening = threading.Lock()  # one at a time: each may be hundreds of megabytes
 
     def _add(self, key: str, source: str, *, title: str) -> None:
         self._sources[key], self._titles[key] = source, title
@@ -80,21 +82,35 @@ class Environments:
 
     def open(self, key: str) -> Environment:
         """The environment of an id. Raises InputError if there is none, or its file cannot be read."""
-        if key not in self._sources:
-            raise InputError("environment", f"{key[:80]!r}, expected one of {', '.join(self._sources)}")
-        with self._lock:
-            if key not in self._opened:
-                self._opened[key] = Rig.open(self._sources[key]).surroundings
-            self._opened.move_to_end(key)
+        if (known := self._opened.get(key)) is not None:
+            return known  # without waiting for another map that is being read
+        with self._opening:
+            environment = self._read(key)
+            self._opened[key] = environment
             while len(self._opened) > 1 and sum(map(_bytes_of, self._opened.values())) > _KEPT_BYTES:
                 self._opened.popitem(last=False)
-            return self._opened[key]
+            return environment
+
+    def _read(self, key: str) -> Environment:
+        if key not in self._sources:
+            raise InputError("environment", f"{key[:80]!r}, expected one of {', '.join(self._sources)}")
+        return self._opened.get(key) or Rig.open(self._sources[key]).environment
 
     def stops(self, key: str) -> float:
         """The exposure that suits a map by itself: a white surface that faces its light best shows as one."""
-        if key.startswith(STOCK_PREFIX):
-            return 0.0  # they are painted for it
-        return suitable_stops(self.open(key))
+        if key not in self._stops:
+            # Our own are painted for it.
+            self._stops[key] = 0.0 if key.startswith(STOCK_PREFIX) else suitable_stops(self.open(key))
+        return self._stops[key]
+
+    def preview(self, key: str) -> bytes:
+        """A small picture of a map, PNG. It is read for that, one map at a time, and not kept open."""
+        with self._opening:
+            if key not in self._previews:
+                environment = self._read(key)
+                stops = 0.0 if key.startswith(STOCK_PREFIX) else suitable_stops(environment)
+                self._previews[key] = preview_png(environment, stops)
+            return self._previews[key]
 
 
 def _id_of(source: str, known: dict[str, str]) -> str:

@@ -37,7 +37,7 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 Whole = Annotated[int, Field(strict=True, ge=0, lt=2**32)]
 Flag = Annotated[bool, Field(strict=True)]
 DiscId = Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_-]{1,16}$")]
-Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=200)]
+Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=300)]
 
 
 class _Message:

@@ -18,7 +18,7 @@ from starlette.routing import Route, WebSocketRoute
 from ..errors import OutputError, PrelightError
 from ..storage.bake import Bake
 from .door import HOST, Door
-from .environments import Environments, preview_png, sky_words
+from .environments import Environments, sky_words
 from .hub import Hub
 from .protocol import LARGEST_MESSAGE
 from .shown import Shown
@@ -175,9 +175,7 @@ class Studio:
 
     def _preview(self, request: Request) -> Response:
         known, name = self._served.environments, request.path_params["name"]
-        if name not in known:
-            return _missing()
-        return _bytes(preview_png(known.open(name), known.stops(name)), "image/png")
+        return _bytes(known.preview(name), "image/png") if name in known else _missing()
 
     def _sky(self, request: Request) -> Response:
         known, name = self._served.environments, request.path_params["name"]

@@ -24,7 +24,7 @@ Report = Callable[[float], None]
 
 LANES = 1 << 17  # paths of a launch
 MOST_SAMPLES = 1 << 16  # a pixel
-_PARTICLES = 1 << 18
+_PARTICLES = 1 << 17
 _EYE, _LAMP = 1, 2  # stages of randomness
 
 

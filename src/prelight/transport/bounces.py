@@ -18,7 +18,7 @@ from .krylov_kernels import ROWS, add_scaled, inner_products
 
 TOLERANCE = 1e-3
 _LONGEST = 16  # of the sequences that solutions are combined from, before it begins anew
-_MOST_PRODUCTS = 96
+_MOST_PRODUCTS = 64  # where nothing tells that there is an end, it is sought no longer than this
 _NONE = 1e-20  # squares of light below this are darkness
 
 Light = Float32[np.ndarray, "vertices columns channels"]

@@ -6,6 +6,7 @@ whose rows and columns are vertices. It is the same for every light: one gather 
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -70,14 +71,14 @@ class Gathering:
         ``(V, 3)`` of the vertices.
     """
 
-    def __init__(self, scene: Scene, rays: HemisphereRays, *, memory: int | None) -> None:
+    def __init__(self, scene: Scene, rays: HemisphereRays) -> None:
         self.rows, self.columns = rays.receivers, len(scene.positions)
         self.albedo = scene.albedo
         self.sky, self.backs = np.zeros((2, self.rows), np.float32)
         self.entries = self.bytes = self.rays = 0
         self.seconds = 0.0
         self._triangles = np.ascontiguousarray(scene.triangles)
-        self._colour, self._rays, self._memory = HitColour(scene), rays, memory
+        self._colour, self._rays = HitColour(scene), rays
         self._kept: dict[int, _Tile] = {}
         self._rows_at_once = max(1, _RAYS_AT_ONCE // rays.rays)
         self._sends = rays.sends
@@ -109,8 +110,8 @@ class Gathering:
         rays
             From each receiver; a square number.
         memory
-            Bytes the operator may take. Tiles of rows beyond it are traced again in each product, to the same
-            bytes. No limit if not given.
+            Bytes the operator may take, half of the machine's if not given. Tiles of rows beyond it are traced again in
+            each product, to the same bytes.
         report
             Hears the share done, 0 to 1.
 
@@ -120,11 +121,12 @@ class Gathering:
         origins = vantage_points(scene, occluders) if origins is None else origins
         normals = scene.normals if normals is None else normals
         sent = HemisphereRays(occluders, scene, origins=origins, normals=normals, rays=rays, seed=seed)
-        gathering = cls(scene, sent, memory=memory)
+        memory = _half_of_memory() if memory is None else memory
+        gathering = cls(scene, sent)
         for first in range(0, gathering.rows, gathering._rows_at_once):
             tile = gathering._trace(first, count=True)
             gathering.entries += len(tile.columns)
-            if memory is None or gathering.bytes + tile.bytes <= memory:
+            if gathering.bytes + tile.bytes <= memory:
                 gathering._kept[first] = tile
             gathering.bytes += tile.bytes
             if report is not None:
@@ -191,3 +193,7 @@ class Gathering:
         if self._colour.channels:
             return self._colour.channels == 1
         return bool((self.albedo == self.albedo[:, :1]).all())
+
+
+def _half_of_memory() -> int:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2

@@ -74,7 +74,7 @@ class HemisphereRays:
         mi = self._mi = occluders.mi
         self._scene = occluders.scene
         self.rays, self.receivers = rays, len(origins)
-        self.sends: np.ndarray = np.asarray(normals).any(axis=1)
+        self.sends = np.abs(normals).sum(axis=1) > 0
         side = check_rays(rays)
         lifted = origins + np.float32(ray_offset(occluders.positions)) * normals
         self._origin, self._normal, self._lit = (

@@ -57,6 +57,8 @@ def _harmonics(x, y, z, scale, out):
 def _waves(x, out):
     """1, √2·cos 2πx, √2·sin 2πx, √2·cos 4πx, …"""
     out[0] = 1.0
+    if len(out) == 1:
+        return
     c, s = math.cos(2.0 * math.pi * x), math.sin(2.0 * math.pi * x)
     a, b = math.sqrt(2.0), 0.0
     for k in range(len(out) // 2):

@@ -51,9 +51,9 @@ CAMERAS = {
 }
 SPOT_AT = (0.50, 0.78, 0.46)  # where a spot shows the scene well
 PANEL = (
-    (-0.55, 0.95, -0.40),
-    (1.1, 0.0, 0.0),
-    (0.0, 0.0, 1.1),
+    (-0.45, 0.95, -0.45),
+    (1.0, 0.0, 0.0),
+    (0.0, 0.0, 1.0),
 )  # corner and sides of one overhead, facing down
 
 # What stands on which square (column, row from the front), columns −4 to 3 and rows 0 to 7.
