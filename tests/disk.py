@@ -84,13 +84,14 @@ class _StandInBounces:
 
     def found(self, *, lanes: int) -> BouncedPart:
         place = self._layer.scene.positions
-        x = 0.02 + 0.01 * np.stack([np.sin(place[:, 0]), np.cos(place[:, 2]), np.tanh(place[:, 1])], axis=1)
+        x = 0.005 + 0.002 * np.stack([np.sin(place[:, 0]), np.cos(place[:, 2]), np.tanh(place[:, 1])], axis=1)
         cells = light_cells(self._layer.settings.resolution)
-        weights = np.stack([1 + np.sin(np.arange(len(cells)) * k) for k in (0.1, 0.2, 0.3)])
+        weights = np.stack([1 + 0.2 * np.sin(np.arange(len(cells)) * k) for k in (0.1, 0.2, 0.3)])
         colours = np.array([1.0, 0.7, 0.4])[:, None, None]
         return BouncedPart(
             cells=cells, modes=x.astype(np.float32), weights=(colours * weights).astype(np.float32),
-            sources=(colours * x).astype(np.float32), bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9,
+            sources=(colours * (6.0 + 0 * x) / len(x)).astype(np.float32),
+            bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9,
         )  # fmt: skip
 
 

@@ -123,7 +123,7 @@ def test_origins_that_are_no_place(bake):
     values = Bake.open(bake).array("layers/environment/origins")
     replace_array(bake, "layers/environment/origins", changed(values, (0, 0), np.nan))
     with pytest.raises(DamagedBakeError, match="origins"):
-        _ = Relighter(bake)._layer.origins
+        Relighter(bake)
 
 
 @pytest.mark.parametrize(

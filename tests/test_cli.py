@@ -16,7 +16,7 @@ import pytest
 
 from prelight.camera import Camera
 from prelight.cli import bake as bake_command
-from prelight.cli import compare, demo, doctor, main, relight, verify
+from prelight.cli import compare, demo, doctor, main, relight, studio, verify
 from prelight.cli import inspect as inspect_command
 from prelight.cli.main import run
 from prelight.lighting.rig import Rig
@@ -32,6 +32,7 @@ FUNCTIONS = {
     "demo": demo.demo,
     "bake environment": bake_command.environment,
     "relight": relight.relight,
+    "studio": studio.studio,
     "compare": compare.compare,
     "inspect": inspect_command.inspect,
     "verify": verify.verify,

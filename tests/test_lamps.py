@@ -12,6 +12,7 @@ from prelight.errors import InputError
 from prelight.material import Material
 from prelight.rays.mitsuba import Occluders
 from prelight.transport import lamps as lamps_module
+from prelight.transport.cube_emitter import cube_emitter
 from prelight.transport.lamps import LuminousTriangles, SphereLamps, lamp_light, triangle_light
 
 from .scenes import grid, scene_of
@@ -204,3 +205,19 @@ def test_what_cannot_be_is_refused(nothing) -> None:
         SphereLamps(np.zeros((2, 3), np.float32), np.zeros(2, np.float32), np.zeros((1, 3), np.float32))
     with pytest.raises(InputError, match="rays"):
         lamp_light(nothing, UP, UP, lamps=lamps(((0, 9, 0), 0.1)), rays=0)
+
+
+def test_a_sky_in_an_opening_is_that_sky(nothing) -> None:
+    """Through a pane: the form factor of the pane where the sky is even, and only that half which shines."""
+    pane = LuminousTriangles(square(1.0), np.float32([[1, 1, 1]] * 2), np.zeros(2, np.int32), 1)
+    at = np.zeros((1, 3), np.float32)
+    even = np.full((6, 4, 4, 3), 2.0, np.float32)
+    found = triangle_light(nothing, at, UP, lights=pane, rays=1024, beyond=cube_emitter(nothing.mi, even))
+    same = triangle_light(nothing, at, UP, lights=pane, rays=1024)
+    np.testing.assert_allclose(found, 2 * same, rtol=1e-5)
+    half = even.copy()
+    half[2, :, :2] = 0  # of +Y: toward −Z
+    seen = triangle_light(nothing, at, UP, lights=pane, rays=4096, beyond=cube_emitter(nothing.mi, half))
+    np.testing.assert_allclose(seen, found / 2, rtol=5e-3)
+    lid = Occluders(square(3.0, 5.0).reshape(-1, 3), np.int32([[0, 1, 2], [3, 4, 5]]))
+    assert (triangle_light(lid, at, UP, lights=pane, beyond=cube_emitter(lid.mi, even)) == 0).all()

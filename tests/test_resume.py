@@ -65,12 +65,8 @@ def is_one_line(error: Exception) -> bool:
     return str(error).isprintable() and len(str(error)) <= 300
 
 
-def tiles_written(calls: list[str]) -> int:
-    return sum(call.startswith("replace") and "/tiles/" in call and "/c/" in call for call in calls)
-
-
-def modes_written(calls: list[str]) -> int:
-    return sum(call.startswith("replace") and "/modes/c/" in call for call in calls)
+def written(calls: list[str], array: str) -> int:
+    return sum(call.startswith("replace") and f"/{array}/" in call and "/c/" in call for call in calls)
 
 
 def lines_kept(calls: list[str]) -> int:
@@ -95,8 +91,8 @@ def test_killed_at_every_step(tmp_path, whole, power_cut):
                 quick_bake(target, resume=True)
             assert tree(target) == whole, where
             kept = lines_kept(disk.calls)  # those of parcels first, that of bounced light last
-            assert tiles_written(again.calls) <= PARCELS - min(kept, PARCELS), where
-            assert modes_written(again.calls) <= PARCELS + 1 - kept, where
+            assert written(again.calls, "tiles") <= PARCELS - min(kept, PARCELS), where
+            assert written(again.calls, "modes") <= PARCELS + 1 - kept, where
         assert not partial_folder(target).exists(), where
         shutil.rmtree(target)
     assert step > 400, "the disk was hardly touched: is it still written through os?"
@@ -232,7 +228,7 @@ def test_the_bytes_do_not_depend_on_how_the_walk_was_cut(tmp_path, whole, block)
     with Disk(tmp_path) as disk:
         quick_bake(target, replay=False, block=33, resume=True)
     assert tree(target) == whole
-    assert tiles_written(disk.calls) == PARCELS - 1
+    assert written(disk.calls, "tiles") == PARCELS - 1
 
 
 def test_other_settings_are_refused(tmp_path, whole):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ from prelight.errors import DamagedBakeError, InputError, InterruptedBakeError
 from prelight.images.formats import write_exr
 from prelight.lighting.distributions import Power
 from prelight.lighting.spot import Spot
+from prelight.relighting.deep_buffer import first_bounces
 from prelight.relighting.steerable import SteerableRelighter
-from prelight.relighting.stored_steerable import open_steerable, steerable_camera
+from prelight.relighting.stored_steerable import open_deep, open_steerable, steerable_camera
 from prelight.storage.bake import Bake
 from prelight.transport.basis_images import ImageSettings, basis_images
 from prelight.transport.steered_lamps import SteeredPanel, SteeredSpot
@@ -119,6 +121,26 @@ def test_a_forged_layer_is_refused(bake: Bake, tmp_path: Path, change: Any, word
         open_steerable(Bake.open(folder))
 
 
+def test_the_first_bounce_apart_and_the_later_ones_make_the_whole(scene: Any, tmp_path: Path) -> None:
+    lamp = BakedLamp("key", SteeredSpot(LAMP_AT, 2, 0.1))
+    plenty = replace(IMAGES, samples=1024)
+    light = Spot((1.0, 1.0, 1.0), target=(0.1, 0.2, 0.0), distribution=Power(2))
+    pictures = []
+    for deep in (0, 64):
+        settings = SteerableSettings((lamp,), images=plenty, keep="all", deep=deep)
+        bake = bake_steerable(scene, tmp_path / f"{deep}.prelight", settings=settings)
+        live = SteerableRelighter(open_steerable(bake))
+        live.light([light], negligible=0.0)
+        pictures.append(live.radiance + first_bounces(live, open_deep(bake), [light]))
+        assert (live.radiance.mean() < 0.5 * pictures[0].mean()) == bool(deep)
+    assert abs(pictures[1].mean() / pictures[0].mean() - 1) < 0.03
+    with pytest.raises(InputError, match="panel"):
+        SteerableSettings((PANEL,), images=IMAGES, deep=4)
+    rewrite_manifest(bake.path, lambda m: m["arrays"].pop("layers/key/deep_colours"))
+    with pytest.raises(DamagedBakeError):
+        Bake.open(bake.path)
+
+
 def test_images_of_another_renderer(scene: Any, tmp_path: Path) -> None:
     lamp = BakedLamp("key", SteeredSpot(LAMP_AT, 2))
     settings = SteerableSettings((lamp,), images=IMAGES, keep="all")
@@ -160,6 +182,11 @@ def test_commands(prelight: Any, tmp_path: Path) -> None:
     assert json.loads(relit.out)["receivers"] == 32 * 32
     assert (tmp_path / "a.png").stat().st_size > 500
     assert prelight("verify", target).code == 0
+    said = prelight("inspect", target)
+    assert said.code == 0
+    assert "components" in said.out
+    assert "a spot at 0.5, 0.78, 0.46" in said.out
+    assert "left out" in said.out  # light through glass, seen in the mirror
     rig.write_text("[[disc]]\ndirection=[0,1,0]\nradius_deg=3\nradiance=[1,1,1]\n")
     assert prelight("relight", target, rig).code == 2
 

@@ -275,6 +275,23 @@ def test_a_slow_reader_has_two_frames_and_then_the_newest(shared: LiveStudio) ->
         good.exact(start + 31)
 
 
+def test_what_nobody_has_room_for_is_not_computed(shared: LiveStudio) -> None:
+    with shared.page(acknowledges=False) as page:
+        start = sequence_of(page)
+        page.quiet()
+        for k in range(20):
+            page.send(SetDisc("lamp", float(k), 35.0, 8.0, (6.0, 5.0, 4.0), dragging=True))
+            page.message("State")
+            time.sleep(0.01)
+        assert len(page.frames) == 2
+        assert shared.studio._hub._session._number - page.frames[-1][0].frame <= 1
+        page.acknowledges = True
+        page.send(Seen(page.frames[-1][0].frame))
+        page.exact(start + 20)
+        page.send(RemoveDisc("lamp"))
+        page.exact(start + 21)
+
+
 def test_a_page_that_goes_leaves_nothing(shared: LiveStudio) -> None:
     loop = shared.studio._hub._loop
     before, descriptors = len(asyncio.all_tasks(loop)), _descriptors()

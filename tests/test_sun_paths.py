@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from prelight.relighting.relighter import Relighter
 from prelight.transport.exact import integrate_exactly
 
 from .scenes import ball_on_floor
+from .workshop import assert_refusal
 
 R = 32
 
@@ -156,3 +158,13 @@ def test_the_plan_knows_what_it_costs():
 def test_other_latitudes_are_refused(value):
     with pytest.raises(InputError, match="expected a latitude from -90 to 90 degrees, or any"):
         EnvironmentSettings(sun_paths=value)
+
+
+def test_the_command_asks_plans_and_tells(prelight, tmp_path):
+    command = ["bake", "environment", "stock:sculpture-small", "--resolution", 4, "--bounces", 0]
+    assert_refusal(prelight(*command, "--sun-paths", "noon", "--dry-run"), 2, "latitude")
+    plan = json.loads(prelight(*command, "--sun-paths=-33", "--dry-run", "--json").out)
+    assert plan["sun_paths"] == -33
+    target = tmp_path / "sun.prelight"
+    assert prelight(*command, "--sun-paths=-33", "-o", target, "--json").code == 0
+    assert "latitude -33°" in prelight("inspect", target).out

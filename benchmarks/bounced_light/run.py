@@ -9,11 +9,12 @@ from pathlib import Path
 
 import accuracy
 import beside_radiance
+import summary
 import timing
 
 from prelight.cli.doctor import _llvm, _machine
 
-PARTS = accuracy.PARTS | {"time": timing.room, "radiance": beside_radiance.room}
+PARTS = {"time": timing.room, "radiance": beside_radiance.room} | accuracy.PARTS
 
 
 def main() -> None:
@@ -23,10 +24,14 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="where references are kept: some megabytes")
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
     parser.add_argument("--radiance", type=Path, help="folder of the pyradiance package, for that part")
+    parser.add_argument("--table", action="store_true", help="only print what the results say, in Markdown")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
     results.mkdir(parents=True, exist_ok=True)
+    if options.table:
+        print(summary.table(results))
+        return
     beside_radiance.FOLDER = options.radiance
     for name in options.parts or PARTS:
         path = results / f"{name}.json"

@@ -102,7 +102,9 @@ def bake_planned(
         manifest = writer.complete
         if manifest is None:
             tracing = _Tracing(scene, settings, writer, report or (lambda *_: None))
-            manifest = finished(scene, settings, writer, tracing.span, statistics=tracing.statistics)
+            manifest = finished(
+                scene, settings, writer, tracing.span, told=(tracing.statistics, tracing.left_out)
+            )
         writer.publish(manifest)
     except KeyboardInterrupt as stop:
         reason = f"stopped with {len(writer.entries)} parts kept; run the same command with --resume to go on"
@@ -122,6 +124,7 @@ class _Tracing:
         self.surfaces = SurfaceScene(scene)
         _, self.camera = settings.eye_in(scene)
         self.statistics: dict[str, dict[str, float]] = {}
+        self.left_out: dict[str, str] = {}
         self._kept = {(e["lamp"], e["part"], e["number"]): e for e in writer.entries}
 
     def span(self, lamp: BakedLamp) -> SpanImages:
@@ -133,18 +136,19 @@ class _Tracing:
         step = strip_pixels(lamp, self.settings.images.samples)
         firsts = list(range(0, pixels, step))
         rounds = -(-tracer.batches // _ROUND)
-        strips, noise, power = [], 0.0, 0.0
+        strips, noise, lit = [], 0.0, 0
         for k, first in enumerate(firsts):
             entry = self._kept.get((lamp.name, "eye", k)) or self._strip(lamp, tracer, k, first, step)
             strips.append(_chunk(entry, first))
-            noise, power = noise + entry["noise"], power + entry["power"]
+            noise, lit = noise + entry["noise"], lit + entry["lit"]
             self._tell(lamp, 0.9 * (k + 1) / len(firsts))
         additions = []
         for k in range(rounds):
             entry = self._kept.get((lamp.name, "lamp", k)) or self._round(lamp, tracer, k)
             additions.append(_chunk(entry, 0))
             self._tell(lamp, 0.9 + 0.1 * (k + 1) / rounds)
-        self.statistics[lamp.name] = {"noise": (noise / power) ** 0.5 if power > 0 else 0.0}
+        self.statistics[lamp.name] = {"noise": noise / max(lit, 1)}
+        self.left_out[lamp.name] = "; ".join(tracer.left_out)
         return SpanImages(
             self.writer.partial,
             strips,
@@ -162,7 +166,9 @@ class _Tracing:
         rows = tracer.pixels(first, min(step, self.settings.images.pixels - first))
         images = np.ascontiguousarray(rows.images.transpose(2, 0, 1))
         grey = images[0].mean(axis=1, dtype=np.float64)
-        figures = {"noise": float(rows.variance[:, 0].sum(dtype=np.float64)), "power": float(grey @ grey)}
+        seen = np.abs(grey) > 0
+        relative = np.sqrt(rows.variance[seen, 0], dtype=np.float64) / np.abs(grey[seen])
+        figures = {"noise": float(np.minimum(relative, 1.0).sum()), "lit": int(seen.sum())}
         return self._keep(lamp, "eye", k, images, figures, began)
 
     def _round(self, lamp: BakedLamp, tracer: BasisTracer, k: int) -> dict[str, Any]:
@@ -192,9 +198,12 @@ def finished(
     writer: BakeWriter,
     span: SpanOf,
     *,
-    statistics: dict[str, dict[str, float]],
+    told: tuple[dict[str, dict[str, float]], dict[str, str]],
 ) -> Manifest:
-    """Components of every lamp's span images, written, and the manifest of it all."""
+    """Components of every lamp's span images, written, and the manifest of it all.
+
+    ``told`` by the tracing of each lamp: its statistics, and what is in no image.
+    """
     written, layers = WrittenArrays(writer), {}
     name, camera = settings.eye_in(scene)
     eye = CameraRecord(name=name, view=plain(camera.to_dict()))
@@ -205,7 +214,8 @@ def finished(
         if settings.deep:
             _write_deep(written, f"layers/{lamp.name}", scene, lamp, settings)
         _write_components(written, f"layers/{lamp.name}", components, images)
-        layers[lamp.name] = _record(lamp, settings, components, eye, statistics.get(lamp.name, {}))
+        own = told[0].get(lamp.name, {}), told[1].get(lamp.name, "")
+        layers[lamp.name] = _record(lamp, settings, components, eye, *own)
     return Manifest(
         format=FORMAT,
         version=VERSION,
@@ -257,6 +267,7 @@ def _record(
     components: Components,
     eye: CameraRecord,
     statistics: dict[str, float],
+    left_out: str,
 ) -> LayerRecord:
     images, singular = settings.images, components.singular_values
     return LayerRecord(
@@ -269,7 +280,7 @@ def _record(
             "width": images.width, "height": images.height, "samples": images.samples, "depth": images.depth,
             "light_paths": images.particles, "deep": settings.deep, "seed": images.seed, "keep": settings.keep_text(),
             "basis": lamp.basis_text(), "place": json.dumps(lamp.place(), sort_keys=True),
-            "lamp": json.dumps(lamp.lamp.to_dict(), sort_keys=True),
+            "lamp": json.dumps(lamp.lamp.to_dict(), sort_keys=True), "left_out": left_out,
         },
         statistics={
             "functions": lamp.basis.functions,

@@ -108,7 +108,7 @@ def bake_from_images(
     writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=False, force=force)
     started = time.perf_counter()
     try:
-        writer.publish(finished(scene, settings, writer, lambda one: spans[one.name], statistics={}))
+        writer.publish(finished(scene, settings, writer, lambda one: spans[one.name], told=({}, {})))
     finally:
         writer.close()
     bake = Bake.open(path)

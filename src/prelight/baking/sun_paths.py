@@ -16,9 +16,7 @@ from ..errors import InputError
 ANY = "any"
 TILT_DEG = 23.44  # of the earth's axis: as far north and south as the sun is overhead
 RADIUS_DEG = 0.27  # of the sun
-TOLERANCE_SHARE = (
-    0.25  # of the tolerance, where the sun stands: what a sun alone needs to err by less than 1 %
-)
+TOLERANCE_SHARE = 0.25  # of the tolerance, where the sun stands; see decision 0015
 
 
 @dataclass(frozen=True)

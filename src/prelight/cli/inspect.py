@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .inspect_steerable import rows_of_steerable
 
 
 def inspect(
@@ -123,7 +124,7 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         *(("note", note) for note in summary["notes"]),
     ]
     for layer in summary["layers"]:
-        rows += _rows_of_layer(layer)
+        rows += rows_of_steerable(layer) if layer["kind"] == "steerable" else _rows_of_layer(layer)
     rows += [("picture", picture) for picture in summary["pictures"]]
     software = ", ".join(f"{name} {version}" for name, version in summary["software"].items())
     return [*rows, ("made with", software)]

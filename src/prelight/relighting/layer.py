@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -68,19 +67,23 @@ class EnvironmentLayer:
         self.channels_of_group = np.repeat(zones[:, 1], zones[:, 0]).astype(np.uint8)
         self.groups = len(self.channels_of_group)
         self._read_parcels(zones)
+        self._origins = self._read_origins()
         self.bytes = sum(tiles.nbytes for tiles in self._kept) + self.tiles.present.nbytes
 
         present, words = self.tiles.present, self.tiles.words
         counts = [np.add.reduceat(present >> s & 1, words, dtype=np.int64) for s in range(TILES)]
         self._tiles_of_column = np.stack(counts, axis=1).ravel()  # how many groups have a tile there
 
-    @cached_property
+    @property
     def origins(self) -> Positions:
         """(vertices, 3) where rays of vertices begin, before they are lifted."""
-        name = f"{self._at}/origins"
-        if name not in self._bake.manifest.arrays:
-            return self._bake.receivers.positions
-        origins = self._array("origins", "float32", list(self._bake.receivers.positions.shape))
+        return self._bake.receivers.positions if self._origins is None else self._origins
+
+    def _read_origins(self) -> Positions | None:
+        arrays = self._bake.manifest.arrays
+        if f"{self._at}/origins" not in arrays:
+            return None
+        origins = self._array("origins", "float32", arrays["scene/positions"].shape)
         if not np.isfinite(origins).all():
             raise self._damaged("its origins are not finite")
         return origins

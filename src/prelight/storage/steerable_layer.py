@@ -29,7 +29,7 @@ def steerable_problem(
     for side in ("width", "height"):
         if type(said.get(side)) is not int or not 1 <= said[side] <= MOST_PIXELS:
             return f"layer {name!r} does not say its {side}"
-    for text in ("basis", "place", "lamp"):
+    for text in ("basis", "place", "lamp", "left_out"):
         if not isinstance(said.get(text), str) or len(said[text]) > _MOST_TEXT:
             return f"layer {name!r} does not say its {text}"
     shapes = {}

@@ -63,6 +63,7 @@ class Door:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        query, scope["query_string"] = scope["query_string"], b""  # nobody behind us logs a token
         headers: dict[bytes, list[bytes]] = {}
         for name, value in scope["headers"]:
             headers.setdefault(name.lower(), []).append(value)
@@ -71,11 +72,11 @@ class Door:
         if not self._is_ours(headers, is_socket=is_socket, method=scope.get("method", "GET")):
             await _refuse(scope, send, 403, b"this studio answers its own page only\n")
         elif self._has_cookie(headers):
-            if not is_socket and scope["path"] == "/" and scope["query_string"]:
+            if not is_socket and scope["path"] == "/" and query:
                 await _redirect(send, [])  # a used link: no token stays in the address
             else:
                 await self._app(scope, receive, send)
-        elif not is_socket and scope["path"] == "/" and scope["method"] == "GET" and self._opens(scope):
+        elif not is_socket and scope["path"] == "/" and scope["method"] == "GET" and self._opens(query):
             value = f"{self._cookie}={self._key}; Path=/; HttpOnly; SameSite=Strict"
             await _redirect(send, [(b"set-cookie", value.encode())])
         else:
@@ -105,13 +106,13 @@ class Door:
             return False
         return morsel is not None and hmac.compare_digest(morsel.value.encode(), self._key.encode())
 
-    def _opens(self, scope: Scope) -> bool:
+    def _opens(self, query: bytes) -> bool:
         """Whether the query has a token that is good; it is used up."""
-        query = parse_qsl(scope["query_string"].decode("latin-1"))
-        if len(query) != 1 or query[0][0] != "token":
+        fields = parse_qsl(query.decode("latin-1"))
+        if len(fields) != 1 or fields[0][0] != "token":
             return False
-        given = query[0][1].encode("utf-8", "replace")
-        found = [token for token in self._tokens if hmac.compare_digest(token.encode(), given)]
+        given = fields[0][1].encode("utf-8", "replace")
+        found = [token for token in list(self._tokens) if hmac.compare_digest(token.encode(), given)]
         for token in found:
             del self._tokens[token]
         return bool(found)

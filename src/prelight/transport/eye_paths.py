@@ -100,14 +100,32 @@ class EyePaths:
         ray = self._view.through(pixel, self._sampler.next_2d())
         carried = dr.empty(mi.Float, 4 * lanes * self._slots)
         left = dr.empty(mi.Float, 4 * lanes * self._slots)
-        counts = self._loop(self, ray, _Notes(mi, lane, lanes, carried, left))
+        cells = self._cells(
+            lane - (lane // dr.opaque(mi.UInt32, samples)) * dr.opaque(mi.UInt32, samples), samples
+        )
+        counts = self._loop(self, ray, cells, _Notes(mi, lane, lanes, carried, left))
         dr.eval(counts, carried, left)
         dr.sync_thread()
         used = int(dr.max(counts)[0])
         kept = (np.asarray(buffer).reshape(-1, 4)[: used * lanes] for buffer in (carried, left))
         return EyeRecords(*kept, np.asarray(counts))
 
-    def _walk(self, ray: Any, notes: _Notes) -> Any:
+    def _cells(self, number: Any, samples: int) -> tuple[Any, Any, Any]:
+        """For each of a pixel's paths its own part of the lamp, as corner and size of a square in [0, 1)².
+
+        k² of the paths share the lamp among them, those over and above take any place: so every part is as likely.
+        """
+        import drjit as dr
+
+        mi, k = self.mi, int(samples**0.5)
+        side = dr.opaque(mi.UInt32, k)
+        row = number // side
+        own = row < side
+        size = dr.select(own, dr.opaque(mi.Float, 1 / k), 1)
+        x, y = (dr.select(own, mi.Float(part) * size, 0) for part in (number - row * side, row))
+        return x, y, size
+
+    def _walk(self, ray: Any, cells: tuple[Any, Any, Any], notes: _Notes) -> Any:
         """The loop over surfaces; how many slots each path has filled."""
         import drjit as dr
 
@@ -142,7 +160,10 @@ class EyePaths:
             # ---- the lamp aimed at -----------------------------------------------------------------
             bsdf = si.bsdf()
             smooth = active_next & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-            ds, light = scene.sample_emitter_direction(si, sampler.next_2d(), True, smooth)
+            aim = sampler.next_2d()
+            within = mi.Point2f(cells[0] + aim.x * cells[2], cells[1] + aim.y * cells[2])
+            aim = dr.select(scattered, aim, within)
+            ds, light = scene.sample_emitter_direction(si, aim, True, smooth)
             smooth &= ds.pdf != 0
             wo = si.to_local(ds.d)
             value, wo_pdf, sample, weight = bsdf.eval_pdf_sample(

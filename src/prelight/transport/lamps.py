@@ -118,12 +118,17 @@ def triangle_light(
     lights: LuminousTriangles,
     rays: int = 256,
     seed: int = 0,
+    beyond: Any = None,
 ) -> Light:
-    """E / π at receivers of each group of luminous triangles, ``rays`` spread over its area by power."""
+    """E / π at receivers of each group of luminous triangles, ``rays`` spread over its area by power.
+
+    Given ``beyond``, an emitter of Mitsuba's at infinity, triangles are openings in which it is seen: their radiance
+    filters its own. What stands in front of an opening, on either side, shadows it.
+    """
     mi = occluders.mi
     if not len(lights.corners):
         return np.zeros((len(origins), lights.lights, 3), np.float32)
-    table = _AreaTable(mi, lights)
+    table = _AreaTable(mi, lights, beyond)
     plan = _Pairs(occluders, origins, normals, lights=lights.lights, rays=rays, seed=seed)
     return plan.sums(table.seen)
 
@@ -163,7 +168,8 @@ def _through_cone(mi: Any, centre: Any, radius: Any, origin: Any, normal: Any, n
 class _AreaTable:
     """Points of luminous triangles, chosen by power within each light."""
 
-    def __init__(self, mi: Any, lights: LuminousTriangles) -> None:
+    def __init__(self, mi: Any, lights: LuminousTriangles, beyond: Any) -> None:
+        self._beyond = beyond
         order = _neighbours_together(lights)
         a, b, c = np.moveaxis(lights.corners[order].astype(np.float64), 1, 0)
         cross = np.cross(b - a, c - a)
@@ -213,7 +219,12 @@ class _AreaTable:
         facing = dr.maximum(-dr.dot(d, dr.gather(mi.Point3f, self._normal, found, there)), 0)
         factor = dr.select(there, facing * dr.maximum(dr.dot(normal, d), 0) / square, 0)
         weight = dr.gather(mi.Point3f, self._weight, found, there) * factor
-        return d, dr.sqrt(square) * (1 - _SHORT), weight
+        if self._beyond is None:
+            return d, dr.sqrt(square) * (1 - _SHORT), weight
+        through = dr.zeros(mi.DirectionSample3f)
+        through.d = mi.Vector3f(d)
+        weight *= mi.Point3f(self._beyond.eval_direction(None, through, there))
+        return d, dr.full(mi.Float, dr.inf, dr.width(square)), weight
 
 
 def _neighbours_together(lights: LuminousTriangles) -> Int32[np.ndarray, "triangles"]:
