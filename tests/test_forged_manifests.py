@@ -172,7 +172,7 @@ MANIFESTS: dict[str, Callable[[dict], object]] = {
     "tolerance text": at(*LAYER_RECORD, "parameters", "tolerance")("a"),
     "statistics nested": at(*LAYER_RECORD, "statistics", "tiles")({}),
     "statistics NaN": at(*LAYER_RECORD, "statistics", "nonzero_share")(float("nan")),
-    "version newer": at("version")(3),
+    "version newer": at("version")(4),
     "version older": at("version")(1),
     "version text": at("version")("2"),
     "version float": at("version")(2.0),

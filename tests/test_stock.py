@@ -84,7 +84,8 @@ def test_arrays_are_sound(scene: Scene) -> None:
 def test_normals_agree_with_the_triangles(scene: Scene) -> None:
     found = vertex_normals(scene.positions, scene.triangles)
     coarse = scene.name in ("still-life-small", "room-small")
-    assert (found * scene.normals).sum(axis=1).min() > (0.85 if coarse else 0.97)
+    least = 0.7 if scene.name == "steerable-small" else 0.85 if coarse else 0.97  # necks of chessmen
+    assert (found * scene.normals).sum(axis=1).min() > least
     a, b, c = (scene.positions[scene.triangles[:, k]].astype(float) for k in range(3))
     facing = np.einsum("ij,ikj->ik", np.cross(b - a, c - a), scene.normals[scene.triangles])
     assert facing.min() > 0

@@ -24,7 +24,11 @@ from prelight.transport.vantage import vantage_points
 RECEIVERS = 1000
 MEMORY = 6_000_000_000
 PATHS = {"direct": 16384, "indirect": 4096}  # of each receiver
-MORE_PATHS = {"room": {"direct": 65536, "indirect": 24576}}  # light that finds its way in by one window
+MORE_PATHS = {
+    "room": {"direct": 65536, "indirect": 24576},  # light that finds its way in by one window
+    "sponza": {"direct": 16384, "indirect": 8192},
+    "sibenik": {"direct": 16384, "indirect": 8192},
+}
 
 
 class Baked:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 ARGUMENTS = (
@@ -13,43 +15,41 @@ ARGUMENTS = (
     "--disable-dev-shm-usage",
 )
 READY = "() => !!window.__prelight && __prelight.metrics.ready && __prelight.metrics.shownExact"
-DRAG = """(milliseconds) => new Promise((done) => {
-  const {metrics} = __prelight, began = performance.now(), updates = metrics.updates, drawn = metrics.drawn;
-  let k = 0;
-  metrics.scriptMs.length = metrics.uploadMs.length = 0;
-  const timer = setInterval(() => {
-    const now = performance.now() - began;
-    if (now < milliseconds) return __prelight.change({scale: 0.5 + 0.01 * (k++ % 50)}, true);
-    clearInterval(timer);
-    done({seconds: now / 1000, changes: k, updates: metrics.updates - updates, drawn: metrics.drawn - drawn,
-          script: [...metrics.scriptMs], upload: [...metrics.uploadMs]});
-  }, 1000 / 60);
-})"""
+NOTES = """() => {
+  const {updates, drawn, scriptMs, uploadMs} = __prelight.metrics;
+  return {updates, drawn, at: performance.now() / 1000, script: [...scriptMs], upload: [...uploadMs]};
+}"""
 
 
-def in_browser(link: str, seconds: float) -> dict[str, Any]:
-    """Drag the scale of the sky 60 times a second; updates that arrived, pictures drawn, script an update."""
+def in_browser(cookie: str, origin: str, *, drag: Callable[[], object]) -> dict[str, Any]:
+    """A page that looks on while another visitor drags: updates that arrived, pictures drawn, script an update."""
     from playwright.sync_api import sync_playwright
 
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         return {"skipped": "no Chromium"}
+    name, _, value = cookie.partition("=")
     with sync_playwright() as p:
         browser = p.chromium.launch(executable_path=path, args=list(ARGUMENTS))
-        page = browser.new_page(viewport={"width": 960, "height": 540}, reduced_motion="reduce")
+        context = browser.new_context(viewport={"width": 480, "height": 270}, reduced_motion="reduce")
+        context.add_cookies([{"name": name, "value": value, "url": origin}])
+        page = context.new_page()
         began = time.perf_counter()
-        page.goto(link)
+        page.goto(origin)
         page.wait_for_function(READY, timeout=120_000)
         opened = time.perf_counter() - began
-        got = page.evaluate(DRAG, seconds * 1000)
+        before = page.evaluate(NOTES)
+        dragging = threading.Thread(target=drag)
+        dragging.start()
+        dragging.join()
+        after = page.evaluate(NOTES)
         browser.close()
-    script = sorted(got["script"])
+    seconds, script, upload = after["at"] - before["at"], sorted(after["script"]), sorted(after["upload"])
     return {
         "opened_s": opened,
-        "changes_per_second": got["changes"] / got["seconds"],
-        "updates_per_second": got["updates"] / got["seconds"],
-        "drawn_per_second": got["drawn"] / got["seconds"],
-        "script_ms_median": script[len(script) // 2] if script else None,
-        "script_ms_p95": script[int(0.95 * len(script))] if script else None,
-        "upload_ms_median": sorted(got["upload"])[len(got["upload"]) // 2] if got["upload"] else None,
+        "updates_per_second": (after["updates"] - before["updates"]) / seconds,
+        "drawn_per_second": (after["drawn"] - before["drawn"]) / seconds,
+        "script_ms_median": script[len(script) // 2],
+        "script_ms_p95": script[int(0.95 * len(script))],
+        "upload_ms_median": upload[len(upload) // 2],
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import functools
 import http.cookiejar
 import json
 import os
@@ -106,9 +107,10 @@ class Visit:
         return header.frame
 
 
-async def dragged(link: str, edit: Callable[[int], ClientMessage], seconds: float) -> dict[str, float]:
+async def dragged(
+    cookie: str, origin: str, *, edit: Callable[[int], ClientMessage], seconds: float
+) -> dict[str, float]:
     """One kind of edit, sent at a steady rate; only what arrived while it was sent counts."""
-    cookie, origin = entered(link)
     address = origin.replace("http", "ws") + "/socket"
     headers = {"Cookie": cookie}
     async with websockets.connect(
@@ -201,7 +203,7 @@ def main() -> None:
         given.work.mkdir(parents=True, exist_ok=True)
         path = given.work / "hills.prelight"
         if not path.exists():
-            pl.bake_environment(hills(), path, resolution=128, tolerance=0.04, bounces=0)
+            pl.bake_environment(hills(), path, resolution=128, tolerance=0.04, bounces=0, resume=True)
     bake = pl.Bake.open(path)
     figures = {
         "machine": {"processors": os.cpu_count(), "load_before": os.getloadavg()[0]},
@@ -213,13 +215,17 @@ def main() -> None:
     }
     for name, edit in EDITS.items():
         with studio(path) as link:
-            figures["edits"][name] = asyncio.run(dragged(link, edit, given.seconds))
+            figures["edits"][name] = asyncio.run(dragged(*entered(link), edit=edit, seconds=given.seconds))
         print(name, json.dumps(figures["edits"][name]))
     if given.browser:
         from page import in_browser
 
         with studio(path) as link:
-            figures["browser"] = in_browser(link, given.seconds)
+            cookie, origin = entered(link)
+            drag = functools.partial(
+                dragged, cookie, origin, edit=EDITS["a disc is dragged"], seconds=given.seconds
+            )
+            figures["browser"] = in_browser(cookie, origin, drag=lambda: asyncio.run(drag()))
     figures["machine"]["load_after"] = os.getloadavg()[0]
     text = json.dumps(figures, indent=2)
     print(text)

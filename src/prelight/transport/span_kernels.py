@@ -94,9 +94,8 @@ def _add_sample(i, carried, left, lanes, slots, scale, scratch, harmonic, wave_u
         )  # fmt: skip
         for c in range(3):
             brought = np.float64(carried[at, c])
-            row = value[c]
             for s in range(len(scratch)):
-                row[s] += brought * scratch[s]
+                value[c, s] += brought * scratch[s]
 
 
 @njit(cache=True)

@@ -43,7 +43,7 @@ STOCK_SCENES: dict[str, StockScene] = {
     ),
     "room-small": StockScene(partial(room, detail=0.34), "the same in 4,548 receivers"),
     "steerable": StockScene(chess, "chessmen, one of glass, a mirror ball, a red wall; cameras front, close"),
-    "steerable-small": StockScene(partial(chess, detail=0.5), "the same in fewer triangles"),
+    "steerable-small": StockScene(partial(chess, detail=0.39), "the same in fewer triangles"),
     "environment": StockScene(sculpture, "the scene that shows environment light: the sculpture"),
 }
 

@@ -25,9 +25,9 @@ BOARD = Material("board", (1.0, 1.0, 1.0), colour_texture=0, roughness=0.42, spe
 RIM = Material("rim", (0.075, 0.030, 0.014), roughness=0.42, specular=0.6)
 IVORY = Material("ivory", (0.74, 0.66, 0.50), roughness=0.32, specular=1.0)
 EBONY = Material("ebony", (0.030, 0.024, 0.021), roughness=0.26, specular=1.0)
-GLASS = Material("glass", (0.9, 0.9, 0.9), bsdf={"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0})
+GLASS = Material("glass", (0.85, 0.85, 0.85), bsdf={"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0})
 MIRROR = Material(
-    "mirror", (0.9, 0.9, 0.9),
+    "mirror", (0.85, 0.85, 0.85),
     bsdf={
         "type": "conductor", "material": "none", "specular_reflectance": {"type": "rgb", "value": [0.93, 0.92, 0.90]},
     },
@@ -76,7 +76,7 @@ def chess(*, detail: float = 1.0) -> Scene:
 def _men(detail: float) -> list[tuple[Part, Material]]:
     placed = []
     for shape, of, column, row in _MEN:
-        part = turned(shape, detail, fine=1.6 if of is GLASS else 1.0)
+        part = turned(shape, detail, fine=1.5 if of is GLASS else 1.0)
         placed.append((_on_board(part, column + 0.5, row + 0.5), of))
     column, row = _BALL_AT
     placed.append((_on_board(ball(_BALL_RADIUS, detail), column + 0.5, row + 0.5), MIRROR))
