@@ -10,4 +10,4 @@ ruff check --quiet
 ruff format --check --quiet
 ty check --quiet
 lint-imports --no-logo --no-cache >/dev/null || lint-imports --no-logo --no-cache # once more to say what is wrong
-exec python -m pytest -q "$@"
+exec python -m pytest -q -n auto "$@"

@@ -23,6 +23,7 @@ from prelight.baking.bounced import BouncedPart
 from prelight.baking.clustering import Clusters, cluster_lights
 from prelight.baking.environment_plan import Cut, EnvironmentPlan
 from prelight.baking.environment_settings import EnvironmentSettings
+from prelight.baking.first_bounce import FirstBounce
 from prelight.baking.light_cells import light_cells
 from prelight.errors import DamagedBakeError, InputError, PrelightError
 from prelight.lighting.environment import Environment
@@ -30,6 +31,7 @@ from prelight.relighting.relighter import Relighter
 from prelight.scene.geometry import Scene
 from prelight.storage import journal
 from prelight.storage.bake import Bake
+from prelight.storage.environment_layer import tree_size
 from prelight.storage.manifest import NAME
 from prelight.transport import direct
 
@@ -91,8 +93,19 @@ class _StandInBounces:
         return BouncedPart(
             cells=cells, modes=x.astype(np.float32), weights=(colours * weights).astype(np.float32),
             sources=(colours * (6.0 + 0 * x) / len(x)).astype(np.float32),
-            bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9,
+            bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9, first=_stand_in_first(len(x)),
         )  # fmt: skip
+
+
+def _stand_in_first(vertices: int) -> FirstBounce:
+    """Two entries a row, made up."""
+    row = np.ones(vertices, np.float32)
+    return FirstBounce(
+        order=np.arange(vertices, dtype=np.int32), left=np.full(tree_size(vertices), 0.5, np.float32),
+        colours=np.repeat(0.5 * row[:, None], 3, axis=1), sums=0.1 * row, scales=1e-6 * row,
+        counts=np.full(vertices, 2, np.uint16), steps=np.tile(np.uint16([1, 3]), vertices),
+        codes=np.tile(np.int8([100, -90]), vertices), threshold=5e-4, error=0.02,
+    )  # fmt: skip
 
 
 _replayed = _Replayed()

@@ -184,6 +184,9 @@ class StandIn:
         if kind == "Seen":
             if self.streaming:
                 await asyncio.sleep(0.004)
+                turn = (self.state["rotation_deg"] + 1.0) % 360.0
+                self.state |= {"sequence": self.state["sequence"] + 1, "author": None, "rotation_deg": turn}
+                await socket.send_text(json.dumps({"type": "State", **self.state}))
                 await socket.send_bytes(self.frame())
             return
         if self.refuses is not None:

@@ -64,6 +64,41 @@ ARRAYS = {
         "one colour": lambda v: v[:1],
         "unsigned": lambda v: v.view(np.uint8),
     },
+    "first/order": {
+        "one twice": lambda v: changed(v, 0, v[1]),
+        "outside": lambda v: changed(v, 0, 10**6),
+        "negative": lambda v: changed(v, 0, -1),
+        "one less": lambda v: v[1:],
+        "wide": lambda v: v.astype(np.int64),
+    },
+    "first/left": {
+        "above one": lambda v: changed(v, 1, 1.5),
+        "no number": lambda v: changed(v, 1, np.nan),
+        "a node less": lambda v: v[1:],
+    },
+    "first/colours": {
+        "brighter than white": lambda v: changed(v, (0, 0), 4.0),
+        "negative": lambda v: changed(v, (0, 0), -1e-3),
+        "two": lambda v: v[:, :2],
+    },
+    "first/sums": {
+        "more than is sent": lambda v: changed(v, 0, 1.01),
+        "negative": lambda v: changed(v, 0, -0.1),
+        "one more": lambda v: np.append(v, v[:1]),
+    },
+    "first/scales": {"infinite": lambda v: changed(v, 0, np.inf), "negative": lambda v: changed(v, 0, -1.0)},
+    "first/counts": {
+        "one more": lambda v: changed(v, 0, v[0] + 1),
+        "huge": lambda v: changed(v, 0, 65535),
+        "a row less": lambda v: v[1:],
+    },
+    "first/steps": {
+        "out of the tree": lambda v: changed(v, 1, 65535),
+        "on the spot": lambda v: changed(v, 1, 0),
+        "one less": lambda v: v[1:],
+        "two axes": lambda v: v.reshape(-1, 2),
+    },
+    "first/codes": {"one more": lambda v: np.append(v, v[:1]), "unsigned": lambda v: v.view(np.uint8)},
     "source_scales": {"no number": lambda v: changed(v, (0, 0), np.nan), "a colour less": lambda v: v[:2]},
 }
 CASES = [(name, what) for name, cases in ARRAYS.items() for what in cases]
@@ -94,8 +129,20 @@ def said(part: str, name: str, value: object):
 MANIFESTS = {
     **{
         f"no {name}": drop(name)
-        for name in ("cells", "modes", "scales", "weights", "sources", "source_scales")
+        for name in (
+            "cells",
+            "modes",
+            "scales",
+            "weights",
+            "sources",
+            "source_scales",
+            "first/order",
+            "first/codes",
+        )
     },
+    "first entries not counted": said("statistics", "bounced_first_entries", 10**6),
+    "a negative error": said("statistics", "bounced_first_error", -0.1),
+    "no threshold": lambda d: d["layers"]["environment"]["statistics"].pop("bounced_first_threshold"),
     "bounces in words": said("parameters", "bounces", "many"),
     "negative bounces": said("parameters", "bounces", -1),
     "half a bounce": said("parameters", "bounces", 0.5),
@@ -103,6 +150,20 @@ MANIFESTS = {
     "modes not counted": lambda d: d["layers"]["environment"]["statistics"].pop("bounced_modes"),
     "no rest": lambda d: d["layers"]["environment"]["statistics"].pop("bounced_remaining"),
 }
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_bakes_without_the_first_bounce_still_open(bake, version):
+    """As they were written before it was kept."""
+
+    def change(document: dict) -> None:
+        for name in ("order", "left", "colours", "sums", "scales", "counts", "steps", "codes"):
+            drop(f"first/{name}")(document)
+        document["version"] = version
+
+    assert Relighter(bake)._live.bounced.part.first is not None
+    rewrite_manifest(bake, change)
+    assert Relighter(bake)._live.bounced.part.first is None
 
 
 @pytest.mark.parametrize("what", MANIFESTS)

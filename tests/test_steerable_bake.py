@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,10 +17,13 @@ from prelight.baking.steerable import bake_steerable
 from prelight.baking.steerable_foreign import bake_from_images, lights_list, picture_name
 from prelight.baking.steerable_settings import BakedLamp, SteerableSettings
 from prelight.bases.steering import SpotBasis
+from prelight.encoding import principal_components
 from prelight.encoding.principal_components import Keep
 from prelight.errors import DamagedBakeError, InputError, InterruptedBakeError
-from prelight.images.formats import write_exr
-from prelight.lighting.distributions import Power
+from prelight.images.formats import read_radiance_map, write_exr
+from prelight.lighting.distributions import Power, frame
+from prelight.lighting.panel import Panel
+from prelight.lighting.rig import Rig
 from prelight.lighting.spot import Spot
 from prelight.relighting.deep_buffer import first_bounces
 from prelight.relighting.steerable import SteerableRelighter
@@ -40,9 +44,10 @@ SETTINGS = SteerableSettings((SPOT, PANEL), images=IMAGES, keep="all")
 
 @pytest.fixture(scope="module", autouse=True)
 def small_strips() -> Iterator[None]:
-    """So that a small bake has parts."""
+    """So that a small bake has parts, and pixels that are kept apart."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(steerable, "strip_pixels", lambda *_: 64)
+        patched.setattr(principal_components, "far_brighter", lambda _: np.array([3, 100], np.int32))
         yield
 
 
@@ -198,6 +203,10 @@ def test_refusals_are_one_line_before_any_work(prelight: Any, tmp_path: Path) ->
         (("--spot", "1,2"), "X,Y,Z"),
         (("--degree", "40"), "0 to 24"),
         (("--size", "2048x2048", "--degree", "24", "--memory", "2GB"), "memory"),
+        (
+            ("--size", "2048x2048", "--degree", "1", "--deep", "64", "--light-paths", "0", "--memory", "8GB"),
+            "--deep",
+        ),
         (("--panel", "0,1,0/1,0,0/1,0,0"), "parallel"),
         (("--spot", "a=0,1,0", "--spot", "a=0,1,1"), "twice"),
         (("--components", "3", "--share", "0.5"), "choose one"),
@@ -208,7 +217,10 @@ def test_refusals_are_one_line_before_any_work(prelight: Any, tmp_path: Path) ->
             ),
             "1 to 36",
         ),
+        (("--all-components", "--share", "0.5"), "choose one"),
         (("--from-images", tmp_path / "none"), "no such folder"),
+        (("--from-images", tmp_path, "--dry-run"), "choose one"),
+        (("--lights-list", tmp_path / "lights.json", "--dry-run"), "choose one"),
         (("--parity", "odd", "--degree", "2"), "parity"),
     ):
         answer = prelight(*start, *options)
@@ -232,3 +244,110 @@ def test_components_keep_the_picture(scene: Any, tmp_path: Path) -> None:
         expected = np.einsum("sc,spc->pc", light.coefficients(lamp.basis, live.layers["key"].place), span)
         mse, peak = np.mean((live.radiance - expected) ** 2), np.percentile(expected, 99)
         assert 10 * np.log10(peak**2 / mse) >= 35
+
+
+def test_three_lines_in_a_notebook(tmp_path: Path) -> None:
+    import prelight as pl
+
+    settings = pl.SteerableSettings.of({"key": LAMP_AT}, degree=2, width=W, height=H, samples=8)
+    live = pl.SteerableBake(pl.bake_steerable(room(), tmp_path / "room.prelight", settings=settings))
+    live.light([pl.Spot((3, 2, 1), target=(0.1, 0.2, 0))])
+
+    assert live.size == (W, H)
+    live.picture().save(tmp_path / "room.png")
+    assert live.radiance[:, 0].mean() > live.radiance[:, 2].mean() > 0
+    one = live.radiance
+    live.light([pl.Spot((6, 4, 2), target=(0.1, 0.2, 0))])
+    assert np.allclose(live.radiance, 2 * one, atol=1e-6)
+    with pytest.raises(pl.InputError, match="that of a spot"):
+        live.light([pl.Panel((0.5, 0.5), (0.5, 0.5), (1, 1, 1))])
+
+
+@pytest.fixture(scope="module")
+def deep(scene: Any, tmp_path_factory: pytest.TempPathFactory) -> Bake:
+    """Its first bounce is kept apart."""
+    settings = SteerableSettings((SPOT,), images=IMAGES, keep="all", deep=4)
+    return bake_steerable(scene, tmp_path_factory.mktemp("deep") / "deep.prelight", settings=settings)
+
+
+def test_moving_pictures_have_the_first_bounce_too(prelight: Any, deep: Bake, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        "[[spot]]\nintensity = [3, 2, 1]\ntarget = [0, 0, 0]\nwidth_deg = 20\n"
+        "keys = [{ at = 0.5, target = [0.3, 0.1, 0] }]\n"
+    )
+    assert prelight("relight", deep.path, rig, "-o", tmp_path / "still.exr").code == 0
+    moved = prelight("animate", deep.path, rig, "-o", tmp_path / "shot_{frame}.exr", "--fps", "2")
+    assert moved.code == 0, moved.err
+    still, first, last = (
+        read_radiance_map(tmp_path / f"{name}.exr") for name in ("still", "shot_0000", "shot_0001")
+    )
+    assert np.array_equal(still, first)
+    light = Rig.open(str(rig)).lights_at(0.5)
+    live = SteerableRelighter(open_steerable(deep))
+    live.light(light)
+    direct = first_bounces(live, open_deep(deep), light)
+    assert direct.mean() > 0.2 * last.mean()
+    expected = np.maximum(live.radiance + direct, 0).reshape(last.shape)
+    assert np.allclose(last, expected, atol=2e-3 * expected.max())
+
+
+def test_a_bake_without_its_first_bounce_is_not_solved(prelight: Any, deep: Bake, tmp_path: Path) -> None:
+    answer = prelight("solve", deep.path, "-t", tmp_path / "a.exr", "-o", tmp_path / "a.toml")
+    assert answer.code == 2
+    assert "without --deep" in answer.err
+    assert answer.err.count("\n") == 1
+
+
+def test_rigs_and_options_that_do_not_belong_are_one_line(prelight: Any, bake: Bake, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    spot = "[[spot]]\nlayer = 'key'\ntarget = [0, 0, 0]\n"
+    for text, options, words in (
+        (spot + "intensity = [nan, 1, 1]", (), "finite"),
+        (spot + "intensity = [-1, 1, 1]", (), "-1"),
+        (spot + "intensity = [1e39, 1, 1]", (), "at most 1e+20"),
+        (spot + "intensity = [1, 1, 1]", ("--scale", "nan"), "finite"),
+        (spot + "intensity = [1, 1, 1]", ("--tint", "1,-1,1"), "at least 0"),
+        (spot + "intensity = [1, 1, 1]", ("--rotate", "30"), "leave them out"),
+        (spot.replace("key", "top") + "intensity = [1, 1, 1]", (), "layer top is that of a panel"),
+        (spot.replace("key", "sun") + "intensity = [1, 1, 1]", (), "it has key, top"),
+        (spot + "intensity = [1, 1, 1]\n[environment]\nmap = 'stock:sunset'", (), "nothing else"),
+        ("[[spot]]\nintensity = [1, 1, 1]\ntarget = [0, 0, 0]", (), "no layer is named"),
+    ):
+        rig.write_text(text)
+        answer = prelight("relight", bake.path, rig, *options)
+        assert answer.code == 2, text
+        assert words in answer.err, answer.err
+        assert answer.err.count("\n") == 1
+    rig.write_text(spot + "intensity = [1, 1, 1]\n[environment]\nmap = 'stock:sunset'")
+    assert "nothing else" in prelight("animate", bake.path, rig, "-o", tmp_path / "a.webp").err
+    rig.write_text(spot.replace("target = [0, 0, 0]", "target = [1e300, 0, 0]") + "intensity = [1, 1, 1]")
+    assert prelight("relight", bake.path, rig).code == 0
+    rig.write_text(spot + "intensity = [1, 1, 1]\npolynomial = [0, 1]")
+    assert "takes light away" in prelight("relight", bake.path, rig).out
+
+
+def test_the_format_is_specified(bake: Bake, deep: Bake) -> None:
+    """The reader of docs/bake-format.md, in place of somebody else's program."""
+    text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
+    theirs: dict = {}
+    exec(compile("\n".join(re.findall(r"```python\n(.*?)```", text, re.S)), "bake-format.md", "exec"), theirs)
+    spot = Spot((3.0, 2.0, 1.0), target=(0.1, 0.2, 0.0), distribution=Power(30), layer="key")
+    panel = Panel((0.4, 0.5), (0.8, 0.9), (1.0, 2.0, 3.0), layer="top")
+    for light in (spot, panel):
+        live = SteerableRelighter(open_steerable(bake))
+        live.light([light], negligible=0.0)
+        layer = live.layer_of(light)
+        picture = theirs["steered"](bake.path, layer.name, light.coefficients(layer.basis, layer.place))
+        assert np.allclose(live.radiance, picture, atol=1e-5 * picture.max())
+        assert len(layer.planes.bright)
+    live = SteerableRelighter(open_steerable(deep))
+    turn = frame(spot.aim(live.layers["key"].place), 0.0)
+    first = theirs["first_bounce"](
+        deep.path, "key", lambda d: Power(30).along(d @ turn) * np.array(spot.intensity)
+    )
+    assert first.max() > 0
+    assert np.allclose(first, first_bounces(live, open_deep(deep), [spot]), atol=1e-5 * first.max())
+    listed = set(re.findall(r"^    (\w+)/ .*zarr\.json", text.split("layers/NAME/")[1], re.M))
+    there = {name.split("/")[2] for one in (bake, deep) for name in one.manifest.arrays if name[0] == "l"}
+    assert there == listed

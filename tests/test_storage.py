@@ -193,7 +193,7 @@ def test_zarr_python_reads_every_array(bake):
 def test_the_format_is_specified(bake, rng):
     """The reader that docs/bake-format.md gives in full, in place of somebody else's program."""
     text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.S)
+    code = "\n".join(re.findall(r"```python\n(.*?)```", text, re.S))
     theirs: dict = {}
     exec(compile(code, "bake-format.md", "exec"), theirs)
     layer = EnvironmentLayer(bake)

@@ -380,7 +380,7 @@ def test_the_reader_of_the_specification_reads_colours(tmp_path, rng, options):
         scene, tmp_path / "a.prelight", resolution=5, zones=3, camera="a", **options, bounces=0
     )
     text = (Path(__file__).resolve().parents[1] / "docs" / "bake-format.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    code = "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
     theirs: dict = {}
     exec(compile(code, "bake-format.md", "exec"), theirs)
     cube = rng.random((6, 5, 5, 3))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import functools
 import http.cookiejar
 import json
 import os
@@ -158,6 +157,26 @@ async def dragged(
     }
 
 
+async def steered(cookie: str, origin: str, *, edit: Callable[[int], ClientMessage], seconds: float) -> None:
+    """The same changes by somebody who takes no radiance, so that all that is made is another page's."""
+    async with websockets.connect(
+        origin.replace("http", "ws") + "/socket", additional_headers={"Cookie": cookie}, origin=origin,
+        compression=None, max_size=None,
+    ) as socket:  # fmt: skip
+
+        async def read() -> None:
+            async for _ in socket:  # unread, they would stand in the way of closing
+                pass
+
+        await socket.send(encode(Hello(PROTOCOL_VERSION)))
+        reader = asyncio.create_task(read())
+        began = time.perf_counter()
+        for k in range(int(seconds * RATE)):
+            await asyncio.sleep(max(0.0, began + k / RATE - time.perf_counter()))
+            await socket.send(encode(edit(k)))
+        reader.cancel()
+
+
 async def change(socket, visit: Visit, message: ClientMessage) -> None:
     visit.sequence += 1
     visit.sent[visit.sequence] = time.perf_counter()
@@ -188,6 +207,16 @@ def first_picture(bake: Path) -> dict[str, float]:
 
     runs = [asyncio.run(wait(time.perf_counter())) for _ in range(3)]
     return {name: statistics.median(run[name] for run in runs) for name in runs[0]}
+
+
+def drags(door: tuple[str, str], seconds: float) -> dict[str, Callable[[], object]]:
+    """What somebody else does while a browser looks on."""
+
+    def run(way: Callable, name: str) -> Callable[[], object]:
+        return lambda: asyncio.run(way(*door, edit=EDITS[name], seconds=seconds))
+
+    alone = {name: run(steered, name) for name in EDITS}
+    return {**alone, "a disc is dragged, and another page looks on": run(dragged, "a disc is dragged")}
 
 
 def main() -> None:
@@ -221,11 +250,7 @@ def main() -> None:
         from page import in_browser
 
         with studio(path) as link:
-            cookie, origin = entered(link)
-            drag = functools.partial(
-                dragged, cookie, origin, edit=EDITS["a disc is dragged"], seconds=given.seconds
-            )
-            figures["browser"] = in_browser(cookie, origin, drag=lambda: asyncio.run(drag()))
+            figures["browser"] = in_browser(*(door := entered(link)), drags=drags(door, given.seconds))
     figures["machine"]["load_after"] = os.getloadavg()[0]
     text = json.dumps(figures, indent=2)
     print(text)

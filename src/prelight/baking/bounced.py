@@ -23,6 +23,7 @@ from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
 from ..transport.spreading import Spreading
 from ..transport.viewed_gathering import ViewedGathering
+from .first_bounce import FirstBounce, first_bounce
 from .layer_receivers import LayerReceivers
 from .light_cells import CellLight, light_cells, smooth_lights
 from .zones import DIFFUSE, VIEWED
@@ -51,6 +52,7 @@ class BouncedPart:
     left_out: float  # see LEFT_OUT
     rays: int
     entries: int
+    first: FirstBounce | None = None  # where all rows are Lambertian vertices
 
 
 class BouncedLight:
@@ -93,8 +95,11 @@ class BouncedLight:
         colours = 1 if gathering.is_grey and not viewed else 3
         modes, forth = self._range(gathering, light, viewed, cells, colours, told(0.4, 0.65))
         Q, back = self._sources(gathering, modes, viewed, colours, told(0.65, 0.9))
-        weights = self._weights(light, Q, len(cells), told(0.9, 1.0))
+        weights = self._weights(light, Q, len(cells), told(0.9, 0.95))
         modes, Q, weights, left_out = _reduced(modes, Q, weights, smooth_lights(cells, R))
+        first = None
+        if len(self._plain) == layer.count == gathering.rows:
+            first = first_bounce(gathering, scene, transfer, rays=self._rays, lanes=lanes)
         return BouncedPart(
             cells=cells,
             modes=modes,
@@ -105,6 +110,7 @@ class BouncedLight:
             left_out=left_out,
             rays=gathering.rays + light.rays + sum(part.rays for _, part in viewed),
             entries=gathering.entries,
+            first=first,
         )
 
     def _viewed(self, gathering: Gathering) -> list[tuple[np.ndarray, ViewedGathering]]:

@@ -10,7 +10,10 @@ from ..encoding.modes import grouped, in_bytes
 from ..storage.chunks import ArraySpec
 from ..storage.journal import BakeWriter
 from .bounced import BouncedPart
+from .first_bounce import FirstBounce
 from .zones import Zone
+
+FIRST = ("order", "left", "colours", "sums", "scales", "counts", "steps", "codes")
 
 
 def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zone]) -> dict[str, Any]:
@@ -31,6 +34,9 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
         found = [in_bytes(of_colour) for of_colour in part.sources]
         parts["sources"] = np.stack([values for values, _ in found])
         parts["source_scales"] = np.stack([scale for _, scale in found])
+    first = part.first
+    if first is not None:
+        parts |= {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
     chunks, arrays = {}, {}
     for name, values in parts.items():
         shape = list(values.shape)
@@ -46,8 +52,22 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
             "bounced_left_out": part.left_out,
             "bounced_rays": part.rays,
             "bounced_entries": part.entries,
+            **({} if first is None else _said_of(first)),
         },
         "rays": part.rays,
         "arrays": arrays,
         "chunks": chunks,
     }
+
+
+def _said_of(first: FirstBounce) -> dict[str, int | float]:
+    return {
+        "bounced_first_entries": int(first.counts.sum(dtype=np.int64)),
+        "bounced_first_threshold": first.threshold,
+        "bounced_first_error": first.error,
+    }
+
+
+def _not_empty(values: np.ndarray) -> np.ndarray:
+    """An array has no empty shape."""
+    return values if len(values) else np.zeros(1, values.dtype)

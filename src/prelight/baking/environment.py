@@ -8,21 +8,17 @@ and ``layer_writer`` writes what is found, in an order that does not depend on h
 
 from __future__ import annotations
 
-import shutil
-import time
 from pathlib import Path
 
 from ..camera import Camera
-from ..errors import InterruptedBakeError, OutputError
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
-from ..storage.journal import BakeWriter, partial_folder, refuse_target
+from ..storage.journal import refuse_target
+from .carrying_out import carry_out, check_disk
 from .environment_plan import EnvironmentPlan, plan_environment
 from .environment_settings import GATHER_RAYS, EnvironmentSettings
 from .layer_receivers import LayerReceivers
 from .layer_writer import LayerWriter, Report, identity
-
-_DISK_MARGIN = 1.1  # the plan is an estimate
 
 
 def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks)
@@ -93,30 +89,12 @@ def bake_planned(
 ) -> Bake:
     """Carry out a plan of the same scene; otherwise as ``bake_environment``."""
     receivers = LayerReceivers(scene, plan.settings)
-    _check_disk(Path(path), plan)
-    writer = BakeWriter(Path(path), settings=identity(receivers), resume=resume, force=force)
-    started, earlier = time.perf_counter(), sum(entry.get("seconds", 0.0) for entry in writer.entries)
-    try:
-        manifest = writer.complete or LayerWriter(receivers, plan, writer, report).run()
-        writer.publish(manifest)
-    except KeyboardInterrupt as stop:
-        kept = sum(len(entry.get("leaves", ())) for entry in writer.entries)
-        reason = f"stopped with {kept:,} clusters kept; run the same command with --resume to go on"
-        raise InterruptedBakeError(path, reason) from stop
-    finally:
-        writer.close()
-    bake = Bake.open(path)
-    bake.note_seconds(earlier + time.perf_counter() - started)
-    return bake
-
-
-def _check_disk(path: Path, plan: EnvironmentPlan) -> None:
-    """Raises OutputError if the bake will not fit: better before hours of rays than after."""
-    try:
-        free = shutil.disk_usage(path.absolute().parent).free
-        kept = sum(file.stat().st_size for file in partial_folder(path).rglob("*") if file.is_file())
-    except (OSError, ValueError):
-        return  # what is wrong with the folder is said where it is written to
-    if free + kept < _DISK_MARGIN * plan.bytes:
-        reason = f"about {plan.bytes / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
-        raise OutputError(path, reason + "; free some space or choose another disk")
+    check_disk(Path(path), plan.bytes)
+    return carry_out(
+        Path(path),
+        lambda writer: LayerWriter(receivers, plan, writer, report).run(),
+        identity=identity(receivers),
+        kept=lambda entries: f"{sum(len(entry.get('leaves', ())) for entry in entries):,} clusters",
+        resume=resume,
+        force=force,
+    )

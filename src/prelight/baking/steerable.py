@@ -7,7 +7,6 @@ finished bake keeps components alone.
 from __future__ import annotations
 
 import json
-import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +24,6 @@ from ..encoding.principal_components import (
     principal_components,
     to_bytes,
 )
-from ..errors import InterruptedBakeError, OutputError
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
@@ -35,6 +33,7 @@ from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manif
 from ..transport.basis_images import BasisTracer
 from ..transport.deep_buffer import deep_samples
 from ..transport.steered_lamps import SteeredSpot
+from .carrying_out import carry_out, check_disk
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, plain, scene_record, whole
 from .span_images import Chunk, Evened, SpanImages
@@ -45,7 +44,6 @@ Report = Callable[[float], None]  # share done
 SpanOf = Callable[[BakedLamp], Any]  # `Images`, or an array of that shape
 
 _ROUND = 64  # batches of paths from the lamp that are kept together
-_DISK_MARGIN = 1.1
 
 
 def bake_steerable(
@@ -94,26 +92,17 @@ def bake_planned(
     report: Report | None = None,
 ) -> Bake:
     """Carry out a plan of the same scene; otherwise as ``bake_steerable``."""
-    _check_disk(Path(path), plan)
     settings = plan.settings
-    writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=resume, force=force)
-    started, earlier = time.perf_counter(), sum(entry.get("seconds", 0.0) for entry in writer.entries)
-    try:
-        manifest = writer.complete
-        if manifest is None:
-            tracing = _Tracing(scene, settings, writer, report or (lambda *_: None))
-            manifest = finished(
-                scene, settings, writer, tracing.span, told=(tracing.statistics, tracing.left_out)
-            )
-        writer.publish(manifest)
-    except KeyboardInterrupt as stop:
-        reason = f"stopped with {len(writer.entries)} parts kept; run the same command with --resume to go on"
-        raise InterruptedBakeError(path, reason) from stop
-    finally:
-        writer.close()
-    bake = Bake.open(path)
-    bake.note_seconds(earlier + time.perf_counter() - started)
-    return bake
+
+    def make(writer: BakeWriter) -> Manifest:
+        tracing = _Tracing(scene, settings, writer, report or (lambda *_: None))
+        return finished(scene, settings, writer, tracing.span, told=(tracing.statistics, tracing.left_out))
+
+    check_disk(Path(path), plan.bytes + plan.scratch)
+    return carry_out(
+        Path(path), make, identity=identity(scene, settings), kept=lambda entries: f"{len(entries)} parts",
+        resume=resume, force=force,
+    )  # fmt: skip
 
 
 class _Tracing:
@@ -314,15 +303,3 @@ def identity(scene: Scene, settings: SteerableSettings) -> dict[str, int | float
 def _chunk(entry: dict[str, Any], first: int) -> Chunk:
     ((key, record),) = entry["chunks"].items()
     return key, ChunkRecord(**record), first
-
-
-def _check_disk(path: Path, plan: SteerablePlan) -> None:
-    """Raises OutputError if the bake will not fit: better before the tracing than after."""
-    try:
-        free = shutil.disk_usage(path.absolute().parent).free
-    except (OSError, ValueError):
-        return  # what is wrong with the folder is said where it is written to
-    needed = _DISK_MARGIN * (plan.bytes + plan.scratch)
-    if free < needed:
-        reason = f"about {needed / 1e6:,.0f} MB will be written and {free / 1e6:,.0f} MB are free"
-        raise OutputError(path, reason + "; free some space or choose another disk")

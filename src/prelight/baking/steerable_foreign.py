@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,9 @@ from ..images import chromaticities
 from ..images.openexr import decode_exr
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
-from ..storage.journal import BakeWriter, refuse_target
+from ..storage.journal import refuse_target
 from ..transport.steered_lamps import SteeredSpot
+from .carrying_out import carry_out
 from .scene_arrays import plain
 from .steerable import finished, identity
 from .steerable_plan import check_memory
@@ -89,6 +89,7 @@ def bake_from_images(
     folder: str | Path,
     *,
     settings: SteerableSettings,
+    resume: bool = False,
     force: bool = False,
 ) -> Bake:
     """A bake of pictures that another renderer has made, one for each basis light, named as the list names them.
@@ -105,15 +106,14 @@ def bake_from_images(
     if settings.deep:
         raise InputError("deep", "pictures of another renderer have their first bounce in them; leave it out")
     spans = {one.name: _span_of(one, Path(folder), settings) for one in settings.lamps}
-    writer = BakeWriter(Path(path), settings=identity(scene, settings), resume=False, force=force)
-    started = time.perf_counter()
-    try:
-        writer.publish(finished(scene, settings, writer, lambda one: spans[one.name], told=({}, {})))
-    finally:
-        writer.close()
-    bake = Bake.open(path)
-    bake.note_seconds(time.perf_counter() - started)
-    return bake
+    return carry_out(
+        Path(path),
+        lambda writer: finished(scene, settings, writer, lambda one: spans[one.name], told=({}, {})),
+        identity=identity(scene, settings),
+        kept=lambda _: "nothing",
+        resume=resume,
+        force=force,
+    )
 
 
 def _span_of(

@@ -18,6 +18,8 @@ from .steerable_settings import BakedLamp, SteerableSettings
 _PROCESS_BYTES = 420_000_000  # Python, the renderer and its compiler, and the records of a launch; measured
 _BYTES_PER_TRIANGLE = 260  # of the renderer's trees
 _PILOT_TILES = 3
+_BYTES_PER_DEEP = 100  # of a sample whose first bounce is kept apart, while it is written
+_DEEP_ON_DISK = 16
 _USUAL_SHARE = 0.35  # of the basis lights that the paper's rule keeps: 12 of 36, 20 of 81, 50 of 400
 _STRIP_BYTES = 16_000_000
 
@@ -60,7 +62,8 @@ def memory_needed(settings: SteerableSettings, triangles: int) -> int:
         kept = _components(settings, lights)
         encoding = kept * pixels * (12 + 6) + 3 * 256_000_000
         matrices = 8 * 6 * lights * functions
-        most = max(most, from_lamp, encoding, matrices)
+        deep = _BYTES_PER_DEEP * settings.deep * pixels
+        most = max(most, from_lamp, encoding, matrices, deep)
     return _PROCESS_BYTES + _BYTES_PER_TRIANGLE * triangles + most
 
 
@@ -72,7 +75,7 @@ def check_memory(settings: SteerableSettings, triangles: int) -> int:
         what = (
             f"{settings.images.width}×{settings.images.height} pixels times so many basis images take "
             f"{needed / 1e9:.1f} GB, {allowed / 1e9:.1f} GB are allowed; a smaller picture, a lower degree, fewer "
-            "periods, or more --memory"
+            "periods, fewer --deep samples, or more --memory"
         )
         raise InputError("memory", what)
     return needed
@@ -110,7 +113,8 @@ def plan_steerable(scene: Scene, settings: SteerableSettings) -> SteerablePlan:
     functions = sum(lamp.lamp.functions for lamp in settings.lamps)
     return SteerablePlan(
         settings, len(scene.triangles), sum(lamp.basis.functions for lamp in settings.lamps), sum(kept), paths, seconds,
-        bytes=int(sum(1.07 * 3 * 1.3 * k * images.pixels for k in kept)) + 150 * len(scene.triangles),
+        bytes=int(sum(1.07 * 3 * 1.3 * k * images.pixels for k in kept)) + 150 * len(scene.triangles)
+        + _DEEP_ON_DISK * settings.deep * images.pixels * len(settings.lamps),
         scratch=12 * functions * images.pixels * (2 if images.particles else 1),
         memory=memory, notes=tuple(notes),
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,9 +18,10 @@ from ..encoding.principal_components import Keep
 from ..errors import InputError
 from ..scene.geometry import Scene
 from ..transport.basis_images import ImageSettings
-from ..transport.steered_lamps import SteeredLamp, SteeredSpot
+from ..transport.steered_lamps import SteeredLamp, SteeredPanel, SteeredSpot
 
 Basis = SpotBasis | PanelBasis | ProductBasis
+Point = tuple[float, float, float]
 MOST_LAMPS = 64
 MOST_DEEP = 64  # samples of a pixel
 LEAST_MEMORY = 500_000_000
@@ -138,6 +140,35 @@ class SteerableSettings:
         if isinstance(self.keep, Keep):
             for lamp in self.lamps:
                 self.keep.number(np.ones(lamp.basis.functions))
+
+    @classmethod
+    def of(  # noqa: PLR0913  (one by one, for notebooks)
+        cls,
+        spots: Mapping[str, Point] | None = None,
+        panels: Mapping[str, tuple[Point, Point, Point]] | None = None,
+        *,
+        degree: int = 5,
+        periods: int = 4,
+        panel_degree: int | None = None,
+        radius: float = 0.02,
+        camera: Camera | str | None = None,
+        width: int = 256,
+        height: int = 256,
+        samples: int = 256,
+        keep: Keep | str = DEFAULT_KEEP,
+        deep: int = 0,
+    ) -> SteerableSettings:
+        """Settings in a line, as the options of ``prelight bake steerable`` are.
+
+        ``spots``: where each is, by name; ``panels``: corner, first and second side of each; metres. ``radius`` of the
+        spots, metres. ``samples``: paths through each pixel. Raises InputError.
+        """
+        images = ImageSettings(width, height, samples)
+        lamps = [BakedLamp(name, SteeredSpot(at, degree, radius)) for name, at in (spots or {}).items()]
+        for name, (corner, side_u, side_v) in (panels or {}).items():
+            panel = SteeredPanel(corner, side_u, side_v, (periods, periods), panel_degree)
+            lamps.append(BakedLamp(name, panel))
+        return cls(tuple(lamps), camera, images, keep=keep, deep=deep)
 
     def eye_in(self, scene: Scene) -> tuple[str, Camera]:
         """The eye and its name; raises InputError for a name that the scene does not know."""

@@ -10,13 +10,14 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .relight_steerable import check_lamps_alone
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ..drawing.picture import Picture
     from ..lighting.rig import Rig
-    from ..relighting.steerable import SteerableRelighter
+    from ..relighting.steerable_bake import SteerableBake
 
 _MOVING = (".webp", ".gif")
 _MOST_FRAMES, _MOST_BYTES = 20_000, 2_000_000_000
@@ -37,6 +38,11 @@ def animate(
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Light a bake of steerable lamps with a rig whose lights have keys in time, frame after frame.
+
+    A light of the rig is as its table says at 0 s, and then as its keys say:
+    `keys = [{ at = 2, target = [0, 0, 0] }, { at = 3, scale = 0 }]`.
+
+    `prelight animate chess.prelight rig.toml -o shot.webp`, or `-o shot_{frame}.png` for single pictures.
 
     Parameters
     ----------
@@ -73,14 +79,11 @@ def animate(
     metered, stops = arguments.exposure(exposure)
     with printing.waiting("opening the bake and the lights (the first time, compiling too)"):
         from ..lighting.rig import Rig
-        from ..relighting.steerable import SteerableRelighter
-        from ..relighting.stored_steerable import open_steerable
-        from ..storage.bake import Bake
+        from ..relighting.steerable_bake import SteerableBake
 
         opened = Rig.open(str(rig))
-        if not opened.tracks:
-            raise InputError(rig, "has no [[spot]] or [[panel]] that could move")
-        light = SteerableRelighter(open_steerable(Bake.open(bake)))
+        light = SteerableBake(bake)
+        check_lamps_alone(opened, rig)
     length = opened.duration if seconds is None else seconds
     if not length > 0:
         raise InputError(rig, "none of its lights has keys; give some, or --seconds for a still sequence")
@@ -106,7 +109,7 @@ def animate(
     printing.say(f"{len(times)} frames in {printing.duration(taken)}, exposure {stops:+.2f} stops\n{output}")
 
 
-def _times(length: float, fps: float, light: SteerableRelighter, *, moving: bool) -> list[float]:
+def _times(length: float, fps: float, light: SteerableBake, *, moving: bool) -> list[float]:
     frames = max(round(length * fps), 1) + 1
     if frames > _MOST_FRAMES:
         raise InputError(
@@ -121,7 +124,7 @@ def _times(length: float, fps: float, light: SteerableRelighter, *, moving: bool
     return [n / fps for n in range(frames)]
 
 
-def _metered(light: SteerableRelighter, rig: Rig, times: list[float]) -> float:
+def _metered(light: SteerableBake, rig: Rig, times: list[float]) -> float:
     """The exposure that suits the mean of a few frames."""
     import numpy as np
 
@@ -132,15 +135,10 @@ def _metered(light: SteerableRelighter, rig: Rig, times: list[float]) -> float:
     return Picture(mean.astype(np.float32)).stops("auto")
 
 
-def _pictures(light: SteerableRelighter, rig: Rig, times: list[float]) -> Iterator[Picture]:
-    import numpy as np
-
-    from ..drawing.picture import Picture
-
-    width, height = light.size
+def _pictures(light: SteerableBake, rig: Rig, times: list[float]) -> Iterator[Picture]:
     for seconds in times:
         light.light(rig.lights_at(seconds))
-        yield Picture(np.maximum(light.radiance, 0.0).reshape(height, width, 3))
+        yield light.picture()
 
 
 def _publish(path: Path, frames: Iterator, *, fps: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
@@ -72,6 +73,19 @@ def exposure(text: str) -> tuple[bool, float]:
             "--exposure", f"{text!r}, expected auto, auto+0.5, auto-1 or a number of stops such as -1.5"
         )
     return match[1] is not None, float(match[2] or 0)
+
+
+def bake_target(scene: str, output: Path | None) -> Path:
+    """Where a bake goes: beside the caller, named for its scene, if not said."""
+    named = scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem
+    return output or Path(named + ".prelight")
+
+
+def eye(text: str | None) -> Camera | str | None:
+    """A camera of the scene by its name, or one from a file."""
+    from ..camera import Camera
+
+    return Camera.open(text) if text is not None and text.lower().endswith(".json") else text
 
 
 def camera_of(light: Relighter, text: str | None) -> Camera:

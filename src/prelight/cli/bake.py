@@ -7,7 +7,6 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from ..camera import Camera
 from ..errors import InputError
 from . import arguments, printing
 from .bake_steerable import steerable
@@ -118,9 +117,7 @@ def environment(
             raise InputError(
                 option, f"{value}, but receivers are {receivers}; add --receivers pixels or leave it out"
             )
-    target = output or Path(
-        (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
-    )
+    target = arguments.bake_target(scene, output)
     if not dry_run:
         refuse_target(target, force=force)
 
@@ -135,7 +132,7 @@ def environment(
         width, height = arguments.picture_size(size or "256x144")
         settings = EnvironmentSettings(
             resolution, tolerance, epsilon, samples_per_side, budget,
-            receivers=receivers, camera=_eye(camera), width=width, height=height,
+            receivers=receivers, camera=arguments.eye(camera), width=width, height=height,
             pixel_samples=4 if pixel_samples is None else pixel_samples, zones=zones,
             bounces=bounces, gather_rays=gather_rays, sun_paths=sun_paths,
         )  # fmt: skip
@@ -173,8 +170,3 @@ def environment(
         + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
         + f"\nnow: prelight relight {target} SKY.hdr -o picture.png   (or stock:sunset for a sky of ours)"
     )
-
-
-def _eye(text: str | None) -> Camera | str | None:
-    """A camera of the scene by its name, or one from a file."""
-    return Camera.open(text) if text is not None and text.lower().endswith(".json") else text

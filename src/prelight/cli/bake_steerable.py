@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from ..camera import Camera
 from ..errors import InputError
 from . import arguments, printing
 
@@ -59,18 +58,25 @@ def steerable(
 ) -> None:
     """Bake lamps that one eye sees with every bounce, to be aimed, slid and reshaped in milliseconds.
 
-    All basis images of a lamp come out of one pass of tracing; their principal components are kept.
+    A lamp stays where it is baked: a spot at a place, or a panel, a rectangle that soft lights slide over. Where it
+    points, how wide and bright it is and its colour are free afterwards, in a rig (docs/rig.md):
 
-    Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
+    `prelight bake steerable stock:steerable -o chess.prelight --degree 9`, then
+    `prelight relight chess.prelight RIG.toml -o picture.png`, RIG.toml being
+    `spot = [{ intensity = [6, 5, 4], target = [0.5, 0.1, 0.5], width_deg = 40 }]`.
+
+    All basis images of a lamp come out of one pass of tracing; their principal components are kept. Shows what it
+    will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
 
     Parameters
     ----------
     scene
         A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:steerable).
     output
-        The bake, a new folder; SCENE.prelight beside you if not given.
+        The bake, a new folder; SCENE.prelight in the current folder if not given.
     spot
-        Where a spot is: X,Y,Z or NAME=X,Y,Z, metres; again for more. A rig calls it by that name.
+        Where a spot is: X,Y,Z or NAME=X,Y,Z, metres; again for more. A rig calls it by that name (layer = "NAME");
+        spot if not named. stock:steerable has one if neither this nor --panel is given.
     panel
         Where a panel is: corner, first and second side, as X,Y,Z/X,Y,Z/X,Y,Z or NAME=…; again for more. It shines to
         the side from which its first side turns counter-clockwise into its second.
@@ -103,11 +109,14 @@ def steerable(
     deep
         Keep the spots' first bounce apart, in so many samples a pixel, 1 to 64: then beams of any narrowness are
         exact, while the basis holds the later bounces; 16 is plenty.
-    components, share, error
-        How many components to keep: a number; or by a share of the sum of singular values, such as the paper's 0.9; or
-        by the RMS error of the basis pictures, which is 0.01 if nothing is said.
+    components
+        Keep so many principal components of each lamp. Or use one of the three rules that follow.
+    share
+        Keep those that make up this share of the sum of singular values; the paper's is 0.9.
+    error
+        Keep as many as bring the basis pictures within this RMS error; 0.01 if no rule is given.
     all_components
-        Keep every basis light.
+        Keep as many as there are basis images.
     seed
         Of all randomness.
     lights_list
@@ -131,8 +140,11 @@ def steerable(
     """
     from ..storage.journal import refuse_target
 
-    target = output or Path(
-        (scene.removeprefix("stock:") if scene.startswith("stock:") else Path(scene).stem) + ".prelight"
+    target = arguments.bake_target(scene, output)
+    _refuse_together(
+        ("--lights-list", lights_list is not None),
+        ("--from-images", from_images is not None),
+        ("--dry-run", dry_run),
     )
     if left_to_chance not in ("keep", "drop"):
         raise InputError("--left-to-chance", f"{left_to_chance!r}, expected keep or drop")
@@ -153,19 +165,22 @@ def steerable(
         images = ImageSettings(
             width, height, samples, light_paths, depth, indirect_only, left_to_chance == "keep", seed
         )
-        keep = "all" if all_components else _keep(components, share, error)
-        eye = Camera.open(camera) if camera is not None and camera.lower().endswith(".json") else camera
+        keep = _keep(components, share, error, every=all_components)
         kept = {} if keep is None else {"keep": keep}
-        settings = SteerableSettings(tuple(lamps), eye, images, deep=deep, memory=budget, **kept)
+        settings = SteerableSettings(
+            tuple(lamps), arguments.eye(camera), images, deep=deep, memory=budget, **kept
+        )
         loaded = load_scene(scene, albedo=colour, trust=trust)
     if lights_list is not None:
-        _write_list(loaded, settings, lights_list, force=force)
+        _write_list(loaded, settings, lights_list, force=force, json=json)
         return
     if from_images is not None:
         from ..baking.steerable_foreign import bake_from_images
 
         with printing.waiting("reading basis images"):
-            bake = bake_from_images(loaded, target, from_images, settings=settings, force=force)
+            bake = bake_from_images(
+                loaded, target, from_images, settings=settings, resume=resume, force=force
+            )
         _say_done(bake, target, json=json)
         return
     from ..baking.steerable import bake_planned
@@ -225,17 +240,23 @@ def _named(option: str, text: str, usual: str, count: int) -> tuple[str, list[tu
     return match[1] or usual, points
 
 
-def _keep(components: int | None, share: float | None, error: float | None) -> Keep | None:
+def _refuse_together(*options: tuple[str, bool]) -> None:
+    """Raises InputError where more than one of these is given."""
+    given = [name for name, there in options if there]
+    if len(given) > 1:
+        raise InputError(given[1], f"given beside {given[0]}; choose one of them")
+
+
+def _keep(
+    components: int | None, share: float | None, error: float | None, *, every: bool
+) -> Keep | str | None:
     from ..encoding.principal_components import Keep
 
-    given = [
-        name
-        for name, x in (("--components", components), ("--share", share), ("--error", error))
-        if x is not None
-    ]
-    if len(given) > 1:
-        raise InputError(given[1], f"given beside {given[0]}; choose one rule")
-    if not given:
+    rules = (("--components", components), ("--share", share), ("--error", error))
+    _refuse_together(*((name, x is not None) for name, x in rules), ("--all-components", every))
+    if every:
+        return "all"
+    if all(x is None for _, x in rules):
         return None
     return Keep(count=components, error=error) if share is None else Keep(share=share)
 
@@ -275,7 +296,7 @@ def _say_done(bake: Bake, target: Path, *, json: bool) -> None:
     )
 
 
-def _write_list(loaded: Any, settings: SteerableSettings, path: Path, *, force: bool) -> None:
+def _write_list(loaded: Any, settings: SteerableSettings, path: Path, *, force: bool, json: bool) -> None:
     from ..baking.steerable_foreign import lights_list
     from ..files import publish, refuse_existing
 
@@ -283,6 +304,9 @@ def _write_list(loaded: Any, settings: SteerableSettings, path: Path, *, force: 
     text = lights_list(loaded, settings)
     publish(path, text)
     count = sum(lamp.basis.lights for lamp in settings.lamps)
+    if json:
+        printing.say_json({"basis_lights": count, "output": str(path)})
+        return
     printing.say(
         f"{path}: {count:,} basis lights; render each, then: prelight bake steerable … --from-images FOLDER"
     )

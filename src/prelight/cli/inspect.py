@@ -180,4 +180,12 @@ def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
         f"{printing.count(found['bounced_rays'])} rays, {settings['gather_rays']:,} from each receiver; "
         f"{found['bounced_remaining']:.2g} of it is left after solving ({found['bounced_products']} products)"
     )
-    return [("  bounces", often), ("", kept), ("", cost)]
+    return [("  bounces", often), ("", kept), *_rows_of_first(found), ("", cost)]
+
+
+def _rows_of_first(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """What is kept for lights that are traced: their first bounces by themselves."""
+    if "bounced_first_entries" not in found:
+        return []
+    entries, error = found["bounced_first_entries"], found["bounced_first_error"]
+    return [("", f"a traced sun's first bounces by {printing.count(entries)} entries, {error:.1%} off (RMS)")]

@@ -26,9 +26,12 @@ app = cyclopts.App(
     version=lambda: version("prelight"),
     help="""Trace a static scene once, then change its light in milliseconds.
 
-A bake keeps how much of each environment light reaches each vertex; relighting multiplies.
-Begin with `prelight demo`, or: `prelight bake environment MESH.ply --floor 3 -o MESH.prelight`, then
+A bake keeps how much of each light reaches each place; relighting multiplies. Begin with `prelight demo`, or:
+`prelight bake environment MESH.ply --floor 3 -o MESH.prelight`, then
 `prelight relight MESH.prelight SKY.hdr -o picture.png`.
+
+Environments (skies, suns) come from `bake environment`, for relight, studio and compare. Lamps that are aimed and
+slid come from `bake steerable`, for relight, animate and solve.
 
 Exit codes: 0 done, 1 a fault of Prelight, 2 bad input, 3 reading or writing failed, 4 a damaged bake,
 130 interrupted.""",

@@ -40,7 +40,8 @@ def relight(
     rig
         An environment map (.hdr or .exr), six pictures of faces (a folder, or a name with {face} in it),
         stock:NAME (stock:sunset, stock:studio, …), or a rig file (.toml) with a table [environment] of map,
-        layout, rotate_deg, scale, tint and blend, [[disc]] lights and [[paint]]ed regions (docs/rig.md).
+        layout, rotate_deg, scale, tint and blend, [[disc]] lights and [[paint]]ed regions (docs/rig.md). For a bake
+        of steerable lamps a rig file with [[spot]]s and [[panel]]s.
     output
         .png (as displayed), .exr (linear picture) or .npy (linear radiance of the receivers, (R, 3) float32,
         in receiver order). Without it only the figures are printed.
@@ -55,7 +56,8 @@ def relight(
     tint
         Factors of its red, green and blue, such as 1,0.9,0.8.
     camera
-        The name of a camera in the bake, or a JSON file with eye, target, up and vertical_fov_deg.
+        The name of a camera in the bake, or a JSON file with eye, target, up and vertical_fov_deg. Steerable lamps
+        are baked for one eye and size: neither this nor --size is for them.
     size
         Width and height of the picture; 1280x720 if not given. Pixel layers have their own and no other.
     strong_lights
@@ -92,10 +94,15 @@ def relight(
         from .relight_steerable import relight_steerable
 
         if camera is not None or size is not None:
-            raise InputError("--camera, --size", "steerable lamps are baked for one eye and size; leave them out")
+            raise InputError(
+                "--camera, --size", "steerable lamps are baked for one eye and size; leave them out"
+            )
+        if layout is not None or rotate or strong_lights != "rays" or background != "environment":
+            options = "--layout, --rotate, --strong-lights, --background"
+            raise InputError(options, "of environments; this bake has steerable lamps alone, leave them out")
         relight_steerable(
-            opened, rig, output=output, brightness=(scale, arguments.colour("--tint", tint)),
-            exposure=(metered, stops), curve=curve, force=force, json=json,
+            opened, rig, output=output, brightness=(scale, tint), exposure=(metered, stops), curve=curve,
+            force=force, json=json,
         )  # fmt: skip
         return
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
-from . import printing
+from . import arguments, printing
 
 if TYPE_CHECKING:
+    from ..lighting.rig import Rig
     from ..storage.bake import Bake
+
+
+def check_lamps_alone(rig: Rig, path: str | Path) -> None:
+    """Raises InputError for a rig without spots and panels, or with more than those."""
+    if not rig.lights or max(rig.environment.total) > 0:
+        what = "this bake has steerable lamps alone: expected a rig file with [[spot]] or [[panel]], nothing else"
+        raise InputError(path, what)
 
 
 def relight_steerable(
@@ -18,7 +25,7 @@ def relight_steerable(
     rig: str,
     *,
     output: Path | None,
-    brightness: tuple[float, tuple[float, float, float]],
+    brightness: tuple[float, str],
     exposure: tuple[bool, float],
     curve: str,
     force: bool,
@@ -28,33 +35,25 @@ def relight_steerable(
 
     ``brightness`` is a factor and a tint; ``exposure`` whether to meter, and stops.
     """
+    from ..lighting import quantities
+
+    factor = quantities.amount("--scale", brightness[0], least=0.0, most=1e20)
+    tint = quantities.strength("--tint", arguments.colour("--tint", brightness[1]))
     with printing.waiting("opening the bake and the lights (the first time, compiling too)"):
-        from ..drawing.pixels import pixel_picture
         from ..lighting.rig import Rig
-        from ..relighting.deep_buffer import first_bounces
-        from ..relighting.steerable import SteerableRelighter
-        from ..relighting.stored_steerable import open_deep, open_steerable
+        from ..relighting.steerable_bake import SteerableBake
 
         opened = Rig.open(rig)
-        if not opened.lights or max(opened.environment.total) > 0:
-            what = "this bake has steerable lamps alone: expected a rig file with [[spot]] or [[panel]], nothing else"
-            raise InputError(rig, what)
-        light = SteerableRelighter(open_steerable(bake))
+        check_lamps_alone(opened, rig)
+        light = SteerableBake(bake)
         notes = light.notes(opened.lights)
-        update = light.light(opened.lights)
+        light.light(opened.lights)
         update = light.light(opened.lights)  # with everything warm
-        radiance = light.radiance
-        deep, exact = open_deep(bake), 0.0
-        if deep:
-            started = time.perf_counter()
-            radiance = radiance + first_bounces(light, deep, opened.lights)
-            exact = 1e3 * (time.perf_counter() - started)
-            notes = []  # of shapes that a degree holds roughly: what shows of them is exact
-        radiance *= [brightness[0] * tint for tint in brightness[1]]
+        radiance = light.radiance * [factor * own for own in tint]
     width, height = light.size
     figures: dict[str, Any] = {
         "milliseconds": update.milliseconds,
-        "first_bounce_milliseconds": exact,
+        "first_bounce_milliseconds": light.first_bounce_milliseconds,
         "bytes_read": update.bytes_read,
         "planes": update.planes,
         "planes_of": update.whole,
@@ -69,6 +68,8 @@ def relight_steerable(
         write_npy(output, radiance)
     elif output is not None:
         import numpy as np
+
+        from ..drawing.pixels import pixel_picture
 
         picture = pixel_picture(np.maximum(radiance, 0), np.ones((height, width), np.float32))
         metered, stops = exposure

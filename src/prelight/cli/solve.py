@@ -33,7 +33,10 @@ def solve(
     """Find lights whose picture is as near as they can come to one that you painted, and write them as a rig.
 
     Colours are found by non-negative least squares; directions, positions and widths by going downhill through
-    the steering weights. Pixels are read once, so this takes seconds.
+    the steering weights. Pixels are read once, so this takes seconds. Bakes made with --deep cannot be solved.
+
+    `prelight solve chess.prelight --target wanted.exr -o found.toml`, then
+    `prelight relight chess.prelight found.toml -o found.png`.
 
     Parameters
     ----------
@@ -97,8 +100,9 @@ def solve(
             }
         )
         return
+    number = len(found.lights)
     printing.say(
-        f"{len(found.lights)} lights ({found.lit} lit), {100 * found.error:.3g} % RMS from the target"
+        f"{number} light{'s' if number > 1 else ''} ({found.lit} lit), {100 * found.error:.3g} % RMS from the target"
         f" after {found.steps} steps in {printing.duration(seconds)}\n{output}"
     )
 

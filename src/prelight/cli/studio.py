@@ -71,7 +71,11 @@ def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) ->
 
     path = Path(source)
     if path.is_dir() or path.suffix == ".prelight":
-        return Bake.open(path)
+        bake = Bake.open(path)
+        if all(layer.kind != "environment" for layer in bake.layers.values()):
+            what = "has no environment layer, which is what the studio shows; light its lamps with prelight relight"
+            raise InputError(path, what)
+        return bake
     with printing.waiting("reading the scene"):
         from ..baking.environment import bake_planned
         from ..baking.environment_plan import plan_environment

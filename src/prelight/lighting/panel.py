@@ -103,7 +103,7 @@ class Panel:
             object.__setattr__(self, name, checked)
         if len(self.position) != len(self.width):
             raise InputError("width", f"{len(self.width)} numbers, but position has {len(self.position)}")
-        object.__setattr__(self, "radiance", quantities.colour("radiance", self.radiance))
+        object.__setattr__(self, "radiance", quantities.strength("radiance", self.radiance))
         if self.shape not in get_args(Shape):
             raise InputError(
                 "shape", f"{str(self.shape)[:40]!r}, expected one of {', '.join(get_args(Shape))}"
@@ -130,9 +130,8 @@ class Panel:
         """Coefficients (S, 3). Raises InputError where the layer is that of a spot."""
         panel = basis.panel if isinstance(basis, ProductBasis) else basis
         if not isinstance(panel, PanelBasis):
-            raise InputError(
-                "panel", f"the layer {self.layer or ''} is no panel of sinusoids; expected another table"
-            )
+            what = "its layer" if self.layer is None else f"the layer {self.layer}"
+            raise InputError("panel", f"{what} is that of a spot; expected [[spot]] for it")
         placed = self.placed(panel)[:, None] * np.array(self.radiance)
         if not isinstance(basis, ProductBasis):
             if self.beam is not None:

@@ -65,7 +65,8 @@ class Place:
         """The unit direction from the middle to a point. Raises InputError where they are the same."""
         middle = np.array(self.origin) + 0.5 * np.array(self.edges).reshape(-1, 3).sum(axis=0)
         way = np.array(triple("target", target, what="x, y, z in metres")) - middle
-        length = float(np.linalg.norm(way))
-        if length < 1e-9:
+        farthest = float(np.abs(way).max())
+        if farthest < 1e-9:
             raise InputError("target", "is where the light itself is; expected a point it can shine at")
-        return way / length
+        way /= farthest  # its square does not overflow
+        return way / np.linalg.norm(way)

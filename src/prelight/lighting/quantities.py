@@ -12,6 +12,7 @@ from ..bases import cube_map
 from ..errors import InputError
 
 Triple = tuple[float, float, float]
+_BRIGHTEST = 1e20
 
 
 def amount(name: str, value: object, *, least: float | None = None, most: float | None = None) -> float:
@@ -48,6 +49,14 @@ def triple(name: str, value: object, *, least: float | None = None, what: str) -
 def colour(name: str, value: object) -> Triple:
     """Linear red, green and blue, not negative; raises InputError."""
     return triple(name, value, least=0.0, what="linear red, green, blue")
+
+
+def strength(name: str, value: object) -> Triple:
+    """A colour of what shines by itself: small enough that its pictures are finite; raises InputError."""
+    given = colour(name, value)
+    if max(given) > _BRIGHTEST:
+        raise InputError(name, f"{_shown(value)}, expected at most {_BRIGHTEST:g} each")
+    return given
 
 
 def unit(name: str, value: object) -> Triple:

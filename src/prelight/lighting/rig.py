@@ -34,10 +34,8 @@ class Rig:
     def surroundings(self) -> Environment:
         """The environment, for a bake with nothing else. Raises InputError if the rig has spots or panels."""
         if self.tracks:
-            what = f"{len(self.tracks)} [[spot]] or [[panel]] lights"
-            raise InputError(
-                "rig", f"has {what}, but no layer of this bake has a place for them; leave them out"
-            )
+            what = "but no layer of this bake has a place for them; leave them out, or light a steerable bake"
+            raise InputError("rig", f"has [[spot]] or [[panel]] ({len(self.tracks)}), {what}")
         return self.environment
 
     @property

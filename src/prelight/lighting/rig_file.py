@@ -138,6 +138,7 @@ _KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
 _IN_WORDS = {
     "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",
     "too_long": "too many of them",
+    "too_short": "too few of them",
     "list_type": "expected tables in double brackets, such as [[disc]]",
     "model_type": "expected a table",
     "float_type": "expected a number",

@@ -50,7 +50,7 @@ class Spot:
     layer: str | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "intensity", quantities.colour("intensity", self.intensity))
+        object.__setattr__(self, "intensity", quantities.strength("intensity", self.intensity))
         if (self.direction is None) == (self.target is None):
             raise InputError("direction", "expected either a direction or a target")
         if self.direction is not None:
@@ -88,9 +88,8 @@ class Spot:
     def coefficients(self, basis: object, place: Place) -> Float64[np.ndarray, "functions 3"]:
         """Coefficients (S, 3) in a spot's basis. Raises InputError where the layer is that of a panel."""
         if not isinstance(basis, SpotBasis):
-            raise InputError(
-                "spot", f"the layer {self.layer or ''} is that of a panel; expected [[panel]] for it"
-            )
+            what = "its layer" if self.layer is None else f"the layer {self.layer}"
+            raise InputError("spot", f"{what} is that of a panel; expected [[panel]] for it")
         return self.shape(basis, place) * np.array(self.intensity)
 
     def notes(self, basis: object, place: Place) -> list[str]:
@@ -98,6 +97,9 @@ class Spot:
         if not isinstance(basis, SpotBasis):
             return []
         fit = self.fit(basis)
-        if fit is None or fit.error < NOTICED:
+        if fit is None:
             return []
+        if fit.error < NOTICED:
+            dark = f"its shape falls to {100 * fit.lowest:.0f} % of its peak: it takes light away there"
+            return [dark] if fit.lowest < -NOTICED else []
         return [f"its shape is approximated by degree {basis.degree}: {fit.words}"]

@@ -12,6 +12,12 @@ from .layer import EnvironmentLayer
 from .pace import Pace
 from .strong_lights import StrongLights
 
+_BY_ITSELF = 3  # bounces of traced lights followed one by one; then light is smooth enough for modes
+_LITTLE, _NOTHING = (
+    0.05,
+    1e-4,
+)  # of the light that falls: what bounces of it may be left to modes, may be forgotten
+
 Light = Float64[np.ndarray, "cells 3"]
 Coefficients = Float64[np.ndarray, "modes 3"]
 
@@ -61,16 +67,30 @@ class BouncedLight:
     def of_strong(self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]) -> Radiance:
         """(rows, 3) what traced lights bring by bouncing, whose direct irradiance / π is ``direct``; kept."""
         if self._strong is None or self._strong[0] is not lights:
-            if self.part.sources is None:
-                light = np.zeros((len(self._nodes), 3))
-                np.add.at(light, self._cells_of(lights), lights.energy)
-                coefficients = self._of_cells(light)
-            else:
-                coefficients = self._projected(direct)
-            sums = np.empty_like(self._sums)
-            self._multiply(coefficients, sums)
-            self._strong = lights, self._in_rows(sums)
+            self._strong = lights, self._bounced(lights, direct)
         return self._strong[1]
+
+    def _bounced(self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]) -> Radiance:
+        """Some bounces by their operator, where it is kept, and by the modes what follows; all by the modes, if not."""
+        part = self.part
+        if part.sources is None:
+            light = np.zeros((len(self._nodes), 3))
+            np.add.at(light, self._cells_of(lights), lights.energy)
+            return self._of_modes(self._of_cells(light))
+        if part.first is None:
+            return self._of_modes(self._projected(direct))
+        total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
+        for _ in range(_BY_ITSELF if part.most is None else part.most):
+            light = part.first.bounce(light)
+            total += light
+            if float(light.sum(dtype=np.float64)) <= (_LITTLE if part.most is None else _NOTHING) * fallen:
+                break
+        return total if part.most is not None else total + self._of_modes(self._projected(light))
+
+    def _of_modes(self, coefficients: Coefficients) -> Radiance:
+        sums = np.empty_like(self._sums)
+        self._multiply(coefficients, sums)
+        return self._in_rows(sums)
 
     def _of_cells(self, light: Light) -> Coefficients:
         weights = self.part.weights
@@ -78,7 +98,7 @@ class BouncedLight:
         light = light.astype(np.float32)  # not by a library that would wait for threads
         return np.stack([np.einsum("kj,j->k", wide[c], light[:, c]) for c in range(3)], axis=1)
 
-    def _projected(self, direct: Float64[np.ndarray, "rows 3"]) -> Coefficients:
+    def _projected(self, direct: np.ndarray) -> Coefficients:
         sources, scales = self.part.sources, self.part.source_scales
         assert sources is not None
         found = np.empty((blocks_of(len(direct)), 3, sources.shape[2]), np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Float32, Int32
 from ..errors import DamagedBakeError
 from ..storage.bake import Bake
+from .first_bounce import FirstBounce, read_first_bounce
 from .layer import EnvironmentLayer, first_broken_tree
 
 _LARGEST = 1e12
@@ -24,6 +25,8 @@ class BouncedLayer:
     weights: Float32[np.ndarray, "colours modes cells"]
     sources: np.ndarray | None  # (colours, vertices, modes) int8
     source_scales: Float32[np.ndarray, "colours modes"] | None
+    first: FirstBounce | None = None
+    most: int | None = None  # bounces; all, if not said
 
     @property
     def bytes(self) -> int:
@@ -33,7 +36,8 @@ class BouncedLayer:
 
 def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
     """None where a layer has direct light only. Raises DamagedBakeError; shapes are checked with the manifest."""
-    if bake.layers[layer.name].parameters.get("bounces", 0) == 0:
+    most = bake.layers[layer.name].parameters.get("bounces", 0)
+    if most == 0:
         return None
     at = f"layers/{layer.name}/bounced"
 
@@ -58,4 +62,6 @@ def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
         weights=array("weights"),
         sources=array("sources") if has_sources else None,
         source_scales=array("source_scales") if has_sources else None,
+        first=read_first_bounce(bake, f"{at}/first"),
+        most=most if type(most) is int else None,
     )

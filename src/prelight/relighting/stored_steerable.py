@@ -45,6 +45,11 @@ def steerable_camera(bake: Bake) -> tuple[str, Camera]:
         raise DamagedBakeError(bake.path, f"the eye in it is wrong: {error.reason}") from None
 
 
+def keeps_first_bounces(bake: Bake) -> bool:
+    """Whether the components of a layer hold later bounces alone, so that ``open_deep`` has the rest."""
+    return any(f"layers/{name}/deep_starts" in bake.manifest.arrays for name in steerable_names(bake))
+
+
 def open_deep(bake: Bake) -> dict[str, DeepBuffer]:
     """The first bounces that are kept apart, by layer; none of layers that hold all light. Raises DamagedBakeError."""
     found = {}

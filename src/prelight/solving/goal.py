@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..lighting.rig_lights import read_linear_picture
-from ..relighting.stored_steerable import open_steerable
+from ..relighting.stored_steerable import keeps_first_bounces, open_steerable
 from ..storage.bake import Bake
 from .poses import Freedom, Light
 from .search import Solution, solve
@@ -32,6 +32,9 @@ def solve_bake(
     layers = open_steerable(opened)
     if not layers:
         raise InputError(opened.path, "has no steerable layer; make one with prelight bake steerable")
+    if keeps_first_bounces(opened):
+        what = "keeps first bounces apart, and lights are looked for among components alone; bake it without --deep"
+        raise InputError(opened.path, what)
     size = layers[0].size
     picture = _of_size(target, size).reshape(-1, 3)
     covered = None if mask is None else np.clip(_of_size(mask, size).mean(axis=-1).ravel(), 0.0, 1.0)

@@ -18,6 +18,12 @@ _BOUNCED_NUMBERS = (
     "gather_rays", "bounced_modes", "bounced_cells", "bounced_rays", "bounced_products", "bounced_remaining",
     "bounced_left_out",
 )  # fmt: skip
+_FIRST = {
+    "order": "int32", "left": "float32", "colours": "float32", "sums": "float32", "scales": "float32",
+    "counts": "uint16", "steps": "uint16", "codes": "int8",
+}  # fmt: skip
+_FIRST_NUMBERS = ("bounced_first_entries", "bounced_first_threshold", "bounced_first_error")
+_MOST_ENTRIES = 65_535  # a row of the first bounce
 _LARGEST = 1 << 40
 
 
@@ -76,9 +82,12 @@ def _bounced_problem(
         return f"array {at}/cells is not five int32 for each of at most {MOST_CELLS} cells"
     if weights[1:] != [count, cells[0]] or weights[0] not in (1, 3):
         return f"array {at}/weights does not fit its modes and cells"
+    if problem := _first_problem(f"{at}/first", said, arrays):
+        return problem
     sources, of_source = (arrays.get(f"{at}/{part}") for part in ("sources", "source_scales"))
     if sources is None and of_source is None:
-        return None
+        has_first = f"{at}/first/order" in arrays
+        return f"array {at}/first is there without its sources" if has_first else None
     vertices = arrays["scene/positions"].shape[0]
     if (
         sources is None
@@ -89,6 +98,37 @@ def _bounced_problem(
     ):
         return f"array {at}/sources does not fit its modes and {vertices} vertices"
     return None
+
+
+def _first_problem(at: str, said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> str | None:
+    """Eight arrays of the first bounce that fit each other, or none of them."""
+    found = {name.removeprefix(f"{at}/"): spec for name, spec in arrays.items() if name.startswith(f"{at}/")}
+    if not found:
+        return None
+    if {name: spec.dtype for name, spec in found.items()} != _FIRST:
+        return f"arrays of {at} are not {', '.join(_FIRST)} of their types"
+    for number in _FIRST_NUMBERS:
+        if not _is_number(said.get(number), _LARGEST):
+            return f"{at}: the layer does not say its {number}"
+    vertices = arrays["scene/positions"].shape[0]
+    for name in ("order", "sums", "scales", "counts"):
+        if found[name].shape != [vertices]:
+            return f"array {at}/{name} is not one for each of {vertices} vertices"
+    if found["left"].shape != [tree_size(vertices)]:
+        return f"array {at}/left is not one for each node over {vertices} vertices"
+    if found["colours"].shape != [vertices, 3]:
+        return f"array {at}/colours is not three for each of {vertices} vertices"
+    steps, codes = found["steps"].shape, found["codes"].shape
+    if steps != codes or len(steps) != 1 or steps[0] != max(1, said["bounced_first_entries"]):
+        return f"arrays {at}/steps and codes are not one for each entry"
+    if steps[0] > vertices * _MOST_ENTRIES:
+        return f"array {at}/steps has more than {_MOST_ENTRIES:,} entries a row"
+    return None
+
+
+def tree_size(vertices: int) -> int:
+    """Leaves of a binary tree over so many: a power of two, at least 2."""
+    return 1 << max(vertices - 1, 1).bit_length()
 
 
 def _rows(said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> int | None:

@@ -32,7 +32,7 @@ _MOST_MAPS = 200
 _KEPT_BYTES = 1_000_000_000  # of opened maps
 _SKY = (256, 512)  # rows and columns of what is shown behind the scene
 _PREVIEW = (128, 256)
-_SMALL_CUBE = 96  # R of the map that is turned while it is dragged
+_SMALL_CUBE = 48  # R of the map that is turned while it is dragged
 _METERED_CUBE = 32
 
 

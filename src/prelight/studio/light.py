@@ -26,7 +26,7 @@ from .protocol import HEADER_BYTES, MOST_DISCS, State
 from .rgb9e5_kernels import pack
 from .rig_state import lit_discs
 
-_COARSE_RESOLUTION = 64  # R of a map while it is turned
+_COARSE_RESOLUTION = 48  # R of a map while it is turned
 _TRACED_AT_ONCE = 4  # strong lights between two looks at whether the light is still wanted
 
 

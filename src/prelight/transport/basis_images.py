@@ -67,7 +67,8 @@ class ImageSettings:
         ):  # fmt: skip
             value = getattr(self, name)
             if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
-                raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
+                said = "light paths" if name == "particles" else name
+                raise InputError(said, f"{value!r}, expected a whole number from {least} to {most}")
 
     @property
     def pixels(self) -> int:

@@ -208,7 +208,7 @@ def _plain(values: dict[str, Any]) -> dict[str, Any]:
 def _vector(name: str, value: Any) -> Vector:
     numbers = isinstance(value, tuple | list) and len(value) == 3
     if not (numbers and all(_is_number(x) and abs(x) < 1e7 for x in value)):
-        raise InputError(name, f"{value!r}, expected three numbers, metres")
+        raise InputError(name, f"{value!r}, expected three numbers in metres, below ten million each")
     return float(value[0]), float(value[1]), float(value[2])
 
 

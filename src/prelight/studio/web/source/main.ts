@@ -35,6 +35,7 @@ class Page {
   private readonly corner = new PaceCorner(found("pace"), this.metrics);
   private welcome: Welcome | null = null;
   private state: State | null = null;
+  private unshown: State | null = null;
 
   start(): void {
     this.metrics.version = PROTOCOL_VERSION;
@@ -48,6 +49,7 @@ class Page {
       this.stage.showLook(look);
       this.picture.suit(look.environment, look.stops);
     });
+    this.stage.beforeDraw(() => this.showState());
     this.stage.onDraw(() => {
       const azimuth = this.stage.heading();
       this.sky.dome.showHeading(azimuth);
@@ -74,11 +76,12 @@ class Page {
         void this.open(message);
         break;
       case "State":
-        this.state = message;
-        this.rig.receive(message);
+        this.state = this.unshown = message;
+        this.stage.invalidate();
         break;
       case "Refused":
         this.notices.toast(message.reason);
+        this.unshown = null;
         this.rig.takeBack(this.state);
         break;
       case "Waiting":
@@ -89,6 +92,13 @@ class Page {
         this.corner.take(message);
         break;
     }
+  }
+
+  /** What others do, once a picture: they may do more in the meantime. */
+  private showState(): void {
+    const state = this.unshown;
+    this.unshown = null;
+    if (state !== null) this.rig.receive(state);
   }
 
   /** A frame has arrived: keep it for the next picture, and ask for another. */
@@ -123,6 +133,7 @@ class Page {
     }
     document.documentElement.classList.toggle("picture", welcome.pixels !== null);
     this.welcome = welcome;
+    this.unshown = null;
     this.rig.receive(welcome.state);
     if (isSame) return;
     try {

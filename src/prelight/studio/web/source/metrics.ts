@@ -22,7 +22,7 @@ export class Metrics {
   sky = ""; // of which environment the map behind the scene is
   readonly scriptMs: number[] = [];
   readonly uploadMs: number[] = [];
-  private readonly arrivals: number[] = [];
+  readonly arrivals: number[] = []; // milliseconds of this page
   private readonly pictures: number[] = [];
 
   arrived(frame: Frame, milliseconds: number): void {

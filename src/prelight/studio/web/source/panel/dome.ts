@@ -1,7 +1,7 @@
 // The sky as a disc to turn, seen from above: the zenith in the middle, ahead (-Z) at the top.
 
 import type { Look } from "../rig";
-import { degrees, element, wrapped } from "./elements";
+import { degrees, element, pen, wrapped } from "./elements";
 
 const SIDE = 264; // pixels of the drawing, twice those of the page
 const STEP = 2;
@@ -49,8 +49,8 @@ export class Dome {
   showMap(map: ImageBitmap): void {
     const flat = document.createElement("canvas");
     [flat.width, flat.height] = [map.width, map.height];
-    const reader = flat.getContext("2d", { willReadFrequently: true });
-    const writer = this.disc.getContext("2d");
+    const reader = pen(flat);
+    const writer = pen(this.disc);
     if (!reader || !writer) return;
     reader.drawImage(map, 0, 0);
     const source = new Uint32Array(reader.getImageData(0, 0, flat.width, flat.height).data.buffer);
@@ -71,7 +71,7 @@ export class Dome {
   }
 
   private draw(): void {
-    const context = this.canvas.getContext("2d");
+    const context = pen(this.canvas);
     if (context === null || this.look === null) return;
     const middle = SIDE / 2;
     context.clearRect(0, 0, SIDE, SIDE);

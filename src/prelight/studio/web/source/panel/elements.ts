@@ -20,6 +20,14 @@ export function button(label: string, press: () => void, attributes: Attributes 
   return made;
 }
 
+/**
+ * To draw on a small canvas, always by the processor. What the graphics processor draws, the browser makes the page
+ * wait for now and then, until all pictures of the scene before it are ready too: no message arrives meanwhile.
+ */
+export function pen(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
+  return canvas.getContext("2d", { willReadFrequently: true });
+}
+
 /** A titled part of the panel. */
 export function section(title: string, ...children: Node[]): HTMLElement {
   return element("section", { "aria-label": title }, element("h2", {}, title), ...children);

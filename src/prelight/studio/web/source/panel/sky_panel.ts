@@ -6,7 +6,7 @@ import { fetchPreview } from "../geometry";
 import type { EnvironmentChoice } from "../messages";
 import type { Look, Rig } from "../rig";
 import { Dome } from "./dome";
-import { button, chooseByArrows, degrees, element, section, slider, stops, wrapped } from "./elements";
+import { button, chooseByArrows, degrees, element, pen, section, slider, stops, wrapped } from "./elements";
 
 const BRIGHTEST = 6; // stops
 const DIMMEST = -6;
@@ -63,7 +63,7 @@ export class SkyPanel {
       made.append(picture, element("span", {}, name));
       void this.map(choice.id).then((map) => {
         const { width, height } = map; // the middle of the map, from a little below the horizon up
-        picture.getContext("2d")?.drawImage(map, width / 4, height * 0.08, width / 2, height * 0.66, 0, 0, 96, 64);
+        pen(picture)?.drawImage(map, width / 4, height * 0.08, width / 2, height * 0.66, 0, 0, 96, 64);
       }, () => undefined);
       this.thumbnails.set(choice.id, { choice, button: made });
       this.choices.append(made);

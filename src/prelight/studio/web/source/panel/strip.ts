@@ -3,7 +3,7 @@
 import type { DiscLight } from "../messages";
 import type { Look } from "../rig";
 import { toHex } from "../colour";
-import { degrees, element, wrapped } from "./elements";
+import { degrees, element, pen, wrapped } from "./elements";
 
 const WIDTH = 536;
 const HEIGHT = 201; // from the zenith to LOWEST
@@ -55,7 +55,7 @@ export class Strip {
   }
 
   private draw(): void {
-    const context = this.canvas.getContext("2d");
+    const context = pen(this.canvas);
     if (context === null || this.map === null) return;
     const turn = wrapped(this.look?.rotation_deg ?? 0);
     const left = (-turn / 360) * WIDTH; // a turn to the left moves the map to the left

@@ -6,12 +6,14 @@ import type { CameraView, Welcome } from "../messages";
 import type { Frame } from "../frames";
 import type { Metrics } from "../metrics";
 import type { Look } from "../rig";
+import { newContext } from "./context";
 import { CURVES, type Curve, makeDisplay } from "./display";
 import { Eye } from "./eye";
 import { metered } from "./meter";
 import { PixelPicture } from "./pixels";
 import { makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
 import { Surface } from "./surface";
+import { UnfinishedPicture } from "./unfinished";
 
 const LABEL = "The scene. Arrow keys go around it, plus and minus come nearer and go away.";
 const SHARPEST = 2; // device pixels a pixel of the page, at most
@@ -20,14 +22,16 @@ export class Stage {
   readonly canvas = document.createElement("canvas");
   readonly eye: Eye;
   private readonly renderer: WebGLRenderer;
+  private readonly unfinished: UnfinishedPicture;
   private readonly scene = new Scene();
   private readonly display = makeDisplay();
   private readonly sky = makeSkyUniforms();
   private shown: Surface | PixelPicture | null = null;
   private waiting: Frame | null = null;
-  private requested = 0;
+  private isWanted = false;
   private skyId = "";
   private covered = { right: 0, bottom: 0 };
+  private prepare: () => void = () => undefined;
   private drawn: () => void = () => undefined;
 
   constructor(
@@ -38,11 +42,12 @@ export class Stage {
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", LABEL);
     host.append(this.canvas);
-    const wanted = { antialias: true, alpha: true, powerPreference: "high-performance" } as const;
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, ...wanted });
+    const context = newContext(this.canvas);
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, context, alpha: true });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shaders encode
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setClearAlpha(0); // beside a picture of pixels, the page
+    this.unfinished = new UnfinishedPicture(context);
     this.eye = new Eye(this.canvas, () => this.invalidate());
     new ResizeObserver(() => this.resize()).observe(host);
     this.canvas.addEventListener("textured", () => this.invalidate());
@@ -123,6 +128,11 @@ export class Stage {
     return stops;
   }
 
+  /** Call this before every picture. */
+  beforeDraw(prepare: () => void): void {
+    this.prepare = prepare;
+  }
+
   /** Call this after every picture. */
   onDraw(drawn: () => void): void {
     this.drawn = drawn;
@@ -136,6 +146,7 @@ export class Stage {
 
   /** The canvas's pixels now, RGBA, from the bottom: for tests. */
   pixels(): { width: number; height: number; data: Uint8Array } {
+    this.prepare();
     this.eye.step(performance.now());
     this.draw();
     const gl = this.renderer.getContext();
@@ -145,10 +156,22 @@ export class Stage {
     return { width, height, data };
   }
 
+  /** Draw with the next animation frame, or the first after the picture before is ready. */
   invalidate(): void {
-    if (this.requested !== 0) return;
-    this.requested = requestAnimationFrame((now) => {
-      this.requested = 0;
+    if (this.isWanted) return;
+    this.isWanted = true;
+    this.request();
+  }
+
+  private request(): void {
+    requestAnimationFrame((now) => {
+      const wait = this.unfinished.wait();
+      if (wait > 0) {
+        window.setTimeout(() => this.request(), wait);
+        return;
+      }
+      this.prepare();
+      this.isWanted = false;
       const moves = this.eye.step(now);
       this.draw();
       if (moves) this.invalidate();
@@ -158,6 +181,7 @@ export class Stage {
   private draw(): void {
     this.uploadWaiting();
     this.renderer.render(this.scene, this.eye.camera);
+    this.unfinished.begin();
     this.metrics.drew();
     this.drawn();
   }

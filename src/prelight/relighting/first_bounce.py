@@ -1,0 +1,72 @@
+"""The first bounce of lights that are traced: read from a bake, every number checked that a kernel follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Float32, Float64, Int32, Int64
+from ..encoding.row_wavelet_kernels import first_wrong_row, multiply_rows
+from ..encoding.vertex_tree import halves
+from ..errors import DamagedBakeError
+from ..storage.bake import Bake
+from ..storage.environment_layer import tree_size
+
+_MOST_SUM = 1 + 1e-3  # of a row: no place receives more than is sent
+_MOST_COLOUR = 3 + 1e-3  # of a mean of three that is at most 1
+
+
+@dataclass(frozen=True)
+class FirstBounce:
+    """Rows of the one-bounce operator in the basis of a tree over vertices; see docs/bake-format.md."""
+
+    order: Int32[np.ndarray, "vertices"]
+    left: Float32[np.ndarray, "size"]
+    colours: Float32[np.ndarray, "vertices 3"]
+    sums: Float32[np.ndarray, "vertices"]
+    scales: Float32[np.ndarray, "vertices"]
+    starts: Int64[np.ndarray, "vertices_and_one"]
+    steps: np.ndarray  # (entries,) uint16
+    codes: np.ndarray  # (entries,) int8
+
+    def bounce(self, direct: Float64[np.ndarray, "vertices 3"]) -> Float32[np.ndarray, "vertices 3"]:
+        """Irradiance / π by one bounce of direct irradiance / π."""
+        light = halves(direct * self.colours, self.order, self.left)
+        out = np.empty((len(direct), 3), np.float32)
+        multiply_rows((self.starts, self.steps, self.codes, self.sums, self.scales), light, out)
+        return out
+
+
+def read_first_bounce(bake: Bake, at: str) -> FirstBounce | None:
+    """None where a bake has none. Raises DamagedBakeError; shapes are checked with the manifest."""
+    if f"{at}/order" not in bake.manifest.arrays:
+        return None
+
+    def within(name: str, most: float) -> np.ndarray:
+        values = bake.array(f"{at}/{name}")
+        if not ((values >= 0) & (values <= most)).all():
+            raise DamagedBakeError(bake.path, f"{at}/{name} has values outside 0 to {most:g}")
+        return values
+
+    order, counts = bake.array(f"{at}/order"), bake.array(f"{at}/counts")
+    steps, codes = bake.array(f"{at}/steps"), bake.array(f"{at}/codes")
+    vertices = len(order)
+    once = (order >= 0) & (order < vertices)
+    if not once.all() or (np.bincount(order, minlength=vertices) != 1).any():
+        raise DamagedBakeError(bake.path, f"{at}/order does not name every vertex once")
+    starts = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
+    if max(1, int(starts[-1])) != len(steps):
+        raise DamagedBakeError(bake.path, f"{at}/counts are not those of its {len(steps):,} steps")
+    if (row := first_wrong_row(starts, steps, tree_size(vertices))) >= 0:
+        raise DamagedBakeError(bake.path, f"{at}/steps of row {row} leave the tree of {vertices:,} vertices")
+    return FirstBounce(
+        order=order,
+        left=within("left", 1 + 1e-6),
+        colours=within("colours", _MOST_COLOUR),
+        sums=within("sums", _MOST_SUM),
+        scales=within("scales", 1.0),
+        starts=starts,
+        steps=steps,
+        codes=codes,
+    )
