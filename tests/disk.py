@@ -94,6 +94,7 @@ class _StandInBounces:
             cells=cells, modes=x.astype(np.float32), weights=(colours * weights).astype(np.float32),
             sources=(colours * (6.0 + 0 * x) / len(x)).astype(np.float32),
             bounces=5, remaining=5e-4, left_out=0.01, rays=700, entries=9, first=_stand_in_first(len(x)),
+            held=1.0, edge=float("inf"),
         )  # fmt: skip
 
 

@@ -22,7 +22,9 @@ TEXT = sorted(
     p
     for folder in ("src", "tests", "docs", "scripts", "benchmarks", ".ci", ".")
     for p in (ROOT / folder).glob("**/*" if folder != "." else "*")
-    if p.suffix in {".py", ".md", ".sh", ".toml", ".lock", ".json", ""} and "node_modules" not in p.parts and p.is_file()
+    if p.suffix in {".py", ".md", ".sh", ".toml", ".lock", ".json", ""}
+    and "node_modules" not in p.parts
+    and p.is_file()
 )
 
 LINES_OF_A_FILE = 400

@@ -24,6 +24,7 @@ from ..transport.gathering import Gathering
 from ..transport.spreading import Spreading
 from ..transport.viewed_gathering import ViewedGathering
 from .first_bounce import FirstBounce, first_bounce
+from .fitness import even_sky_fitness
 from .layer_receivers import LayerReceivers
 from .light_cells import CellLight, light_cells, smooth_lights
 from .zones import DIFFUSE, VIEWED
@@ -31,6 +32,7 @@ from .zones import DIFFUSE, VIEWED
 TOLERANCE = 1e-3  # of all bounced light: the share that later bounces would add
 MIXTURES = 124  # of cells, that are bounced together
 MOST_MODES = MIXTURES
+HELD = 0.98  # of the area: where less of it holds an even sky's light, a finer mesh is advised
 LEFT_OUT = 0.01  # RMS of what the modes leave out, of all bounced light of single cells
 COLUMNS = 31  # solved together, with one beside them: whole vectors
 _STAGE = 31  # keeps these random numbers apart from those of other stages
@@ -52,6 +54,8 @@ class BouncedPart:
     left_out: float  # see LEFT_OUT
     rays: int
     entries: int
+    held: float  # share of the area whose mesh is fine enough for an even sky's light
+    edge: float  # metres, the longest edge that would hold it nearly everywhere; infinite where it does
     first: FirstBounce | None = None  # where all rows are Lambertian vertices
 
 
@@ -100,6 +104,7 @@ class BouncedLight:
         first = None
         if len(self._plain) == layer.count == gathering.rows:
             first = first_bounce(gathering, scene, transfer, rays=self._rays, lanes=lanes)
+        fitness = even_sky_fitness(scene, layer.occluders, gathering)
         return BouncedPart(
             cells=cells,
             modes=modes,
@@ -110,6 +115,8 @@ class BouncedLight:
             left_out=left_out,
             rays=gathering.rays + light.rays + sum(part.rays for _, part in viewed),
             entries=gathering.entries,
+            held=fitness.share,
+            edge=fitness.edge_for(HELD),
             first=first,
         )
 

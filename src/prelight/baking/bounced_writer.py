@@ -9,7 +9,7 @@ import numpy as np
 from ..encoding.modes import grouped, in_bytes
 from ..storage.chunks import ArraySpec
 from ..storage.journal import BakeWriter
-from .bounced import BouncedPart
+from .bounced import HELD, BouncedPart
 from .first_bounce import FirstBounce
 from .zones import Zone
 
@@ -52,6 +52,8 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
             "bounced_left_out": part.left_out,
             "bounced_rays": part.rays,
             "bounced_entries": part.entries,
+            "bounced_held": part.held,
+            **({"bounced_edge": part.edge} if part.held < HELD else {}),
             **({} if first is None else _said_of(first)),
         },
         "rays": part.rays,

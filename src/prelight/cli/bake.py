@@ -168,5 +168,6 @@ def environment(
     printing.say(
         f"{target}: {layer['coefficients']:,} clusters, {printing.size(summary['bytes'])}"
         + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
+        + (f"\nthe mesh is {note}" if (note := printing.mesh_note(layer["statistics"])) else "")
         + f"\nnow: prelight relight {target} SKY.hdr -o picture.png   (or stock:sunset for a sky of ours)"
     )

@@ -180,7 +180,11 @@ def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
         f"{printing.count(found['bounced_rays'])} rays, {settings['gather_rays']:,} from each receiver; "
         f"{found['bounced_remaining']:.2g} of it is left after solving ({found['bounced_products']} products)"
     )
-    return [("  bounces", often), ("", kept), *_rows_of_first(found), ("", cost)]
+    return [("  bounces", often), ("", kept), *_rows_of_first(found), ("", cost), *_rows_of_mesh(found)]
+
+
+def _rows_of_mesh(found: dict[str, Any]) -> list[tuple[str, str]]:
+    return [("  mesh", said)] if (said := printing.mesh_note(found)) else []
 
 
 def _rows_of_first(found: dict[str, Any]) -> list[tuple[str, str]]:

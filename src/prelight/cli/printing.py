@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
 
 def say(text: str) -> None:
@@ -127,3 +127,13 @@ def _bar(label: str) -> Generator[Callable[[float, str], None]]:
                 sys.stderr.write(f"{label}: {fraction:.0%}, {note}\n")
 
         yield show
+
+
+def mesh_note(found: Mapping[str, Any]) -> str:
+    """What is to be said of a mesh that does not hold its light, from a layer's statistics; else nothing."""
+    if "bounced_edge" not in found:
+        return ""
+    return (
+        f"too coarse for an even sky's light on {1 - found['bounced_held']:.0%} of the area; "
+        f"--subdivide {found['bounced_edge']:.2g} would hold it nearly everywhere"
+    )
