@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
 from prelight.bases.panels import PanelBasis
 from prelight.bases.steering import SpotBasis
+from prelight.camera import Camera
 from prelight.encoding.principal_components import Keep
 from prelight.lighting.places import Place
 from prelight.relighting.steerable_layer import SteerableLayer
+from prelight.relighting.stored_steerable import KIND
 
 SIDE = 40  # pixels; not a multiple of a block
 ABOVE = (0.0, 1.5, 0.0)
@@ -74,3 +78,10 @@ def panel_layer(harmonics: int = 2, *, name: str = "soft", keep: Keep | str | No
     span = np.stack([panel_light(own) for own in functions.T]).astype(np.float32)
     place = Place("panel", (-1.0, 1.2, -1.0), ((2.0, 0.0, 0.0), (0.0, 0.0, 2.0)))
     return SteerableLayer.of_images(name, span, basis=basis, place=place, size=(SIDE, SIDE), keep=keep)
+
+
+def bake_of(name: str) -> SimpleNamespace:
+    """What commands ask of an opened bake with one steerable layer, whose components come from elsewhere."""
+    eye = SimpleNamespace(name="front", view=Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)).to_dict())
+    layer = SimpleNamespace(kind=KIND, camera=eye)
+    return SimpleNamespace(path=Path("a.prelight"), layers={name: layer}, manifest=SimpleNamespace(arrays={}))

@@ -18,7 +18,7 @@ from prelight.baking.environment import bake_environment
 from prelight.baking.environment_settings import EnvironmentSettings
 from prelight.baking.first_bounce import thinned
 from prelight.baking.layer_receivers import LayerReceivers
-from prelight.baking.light_cells import light_cells, solid_angles_of
+from prelight.baking.light_cells import cell_samples, light_cells, solid_angles_of
 from prelight.bases.cube_map import face_coordinates
 from prelight.camera import Camera
 from prelight.checking.against import Comparison

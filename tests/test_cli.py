@@ -108,7 +108,7 @@ def test_words_for_people(prelight, workshop, tmp_path):
     for word in ("86 vertices", "619 clusters", "(6×9²)", "tolerance  0.015", "loses"):
         assert word in said.out
     said = prelight("verify", bake)
-    assert "whole; 22 chunks" in said.out
+    assert "whole; 30 chunks" in said.out
     said = prelight(
         "relight", bake, "stock:studio", "-o", tmp_path / "p.png", "--size", "16x9", "--background", "none"
     )

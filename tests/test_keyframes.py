@@ -17,7 +17,7 @@ from prelight.lighting.panel import Panel
 from prelight.lighting.rig import Rig
 from prelight.lighting.spot import Spot
 
-from .steerable_scenes import SIDE, spot_layer
+from .steerable_scenes import SIDE, bake_of, spot_layer
 
 MOVING = """
 [[spot]]
@@ -101,8 +101,8 @@ def test_what_has_nothing_between_is_refused() -> None:
 def bake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A command's bake from memory, and a rig beside it."""
     layer = spot_layer(3)
-    monkeypatch.setattr("prelight.relighting.stored_steerable.open_steerable", lambda bake: [layer])
-    monkeypatch.setattr("prelight.storage.bake.Bake.open", lambda path: None)
+    monkeypatch.setattr("prelight.relighting.steerable_bake.open_steerable", lambda bake: [layer])
+    monkeypatch.setattr("prelight.storage.bake.Bake.open", lambda path: bake_of(layer.name))
     light = "[[spot]]\nintensity = [1, 1, 1]\ndirection = [-1, -1, 0]\n"
     (tmp_path / "still.toml").write_text(light)
     (tmp_path / "rig.toml").write_text(light + "keys = [ { at = 0.5, direction = [1, -1, 0] } ]")

@@ -18,7 +18,7 @@ from prelight.solving.nonnegative import nonnegative
 from prelight.solving.poses import Freedom, narrowest_power
 from prelight.solving.search import solve
 
-from .steerable_scenes import SIDE, panel_layer, spot_layer
+from .steerable_scenes import SIDE, bake_of, panel_layer, spot_layer
 
 FINE = Keep(error=0.003)
 
@@ -153,7 +153,7 @@ def painted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_exr(tmp_path / "small.exr", wanted[1:])
     write_png(tmp_path / "black.png", np.zeros((SIDE, SIDE, 3), np.uint8))
     monkeypatch.setattr("prelight.solving.goal.open_steerable", lambda bake: [layer])
-    monkeypatch.setattr("prelight.solving.goal.Bake.open", lambda path: None)
+    monkeypatch.setattr("prelight.solving.goal.Bake.open", lambda path: bake_of(layer.name))
     return tmp_path
 
 
@@ -173,7 +173,7 @@ def test_the_command(prelight, painted: Path) -> None:
         "--lights", painted / "found.toml", "--free", "colour",
     )  # fmt: skip
     assert again.code == 0, again.err
-    assert "1 lights (1 lit)" in again.out
+    assert "1 light (1 lit)" in again.out
 
 
 @pytest.mark.parametrize(

@@ -272,7 +272,7 @@ def test_what_no_layer_has_is_refused() -> None:
         "no layer is named; it has key, soft": Spot((1, 1, 1), direction=AIM),
         "'gone' is not in this bake": Spot((1, 1, 1), direction=AIM, layer="gone"),
         "is that of a panel": Spot((1, 1, 1), direction=AIM, layer="soft"),
-        "is no panel": Panel((0.5, 0.5), (0.5, 0.5), (1, 1, 1), layer="key"),
+        "is that of a spot": Panel((0.5, 0.5), (0.5, 0.5), (1, 1, 1), layer="key"),
         "3 numbers, this layer's light has 2 axes": Panel((0.5,) * 3, (0.5,) * 3, (1, 1, 1), layer="soft"),
         "leave direction out": Panel(
             (0.5, 0.5), (0.5, 0.5), (1, 1, 1), beam=Spot((1, 1, 1), direction=AIM), layer="soft"
