@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import platform
 import time
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def main() -> None:
         figures = PARTS[name](options.data, options.work)
         report = {
             "what": PARTS[name].__doc__,
-            "machine": _machine() | {"llvm": _llvm()},
+            "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
             "seconds_in_all": round(time.perf_counter() - started, 1),
             "figures": figures,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import platform
 import resource
 import statistics
 import time
@@ -233,7 +234,7 @@ def main() -> None:
     found, figures = bake(scene, options.work)
     grace = pl.Environment.open(options.probes / PROBES[0]).cube(256)
     results = {
-        "machine": _machine() | _llvm(),
+        "machine": _machine() | {"python": platform.python_version()} | _llvm(),
         "bake": figures,
         "tracing": tracing(scene, options.repeats),
         "relighting": relighting(found, grace, options.repeats),
