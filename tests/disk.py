@@ -38,6 +38,7 @@ from prelight.transport import direct
 from .scenes import ball_on_floor
 
 RESOLUTION, TOLERANCE = 9, 0.015  # in one zone 326 clusters, of up to 3×3 texels
+_TRIES = 3
 ZONES = 2
 BALL, RADIUS = np.array([0.0, 0.6, 0.0], np.float32), np.float32(0.4)
 
@@ -197,12 +198,17 @@ def _error_of(act: Callable[[], object]) -> PrelightError | None:
 def refusal(act: Callable[[], object]) -> PrelightError | None:
     """The one-line error of an act that takes under a second's work and little memory; None if it succeeds.
 
-    The act is done twice: tracing memory makes it several times slower, so it is timed without.
+    Memory is traced in a run of its own, which makes it several times slower. What takes too long is timed again:
+    a busy machine charges a thread for what others do to its caches, too much work is too much every time.
     """
-    started, worked = time.perf_counter(), time.thread_time()
-    error = _error_of(act)
-    assert time.thread_time() - worked < 1
-    assert time.perf_counter() - started < 10  # a busy machine; a pipe would block for ever
+    for _ in range(_TRIES):
+        started, worked = time.perf_counter(), time.thread_time()
+        error = _error_of(act)
+        assert time.perf_counter() - started < 10  # a busy machine; a pipe would block for ever
+        worked = time.thread_time() - worked
+        if worked < 1:
+            break
+    assert worked < 1
     tracemalloc.start()
     again = _error_of(act)
     _, peak = tracemalloc.get_traced_memory()

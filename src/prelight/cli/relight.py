@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -105,11 +106,22 @@ def relight(
             force=force, json=json,
         )  # fmt: skip
         return
+    if [layer.kind for layer in opened.layers.values()] != ["environment"]:
+        from ..lighting.rig import Rig
+        from .relight_layers import Shown, relight_layers
+
+        shown = Shown(camera, (width, height), behind, metered, stops, curve, (scale, tint))
+        light = Rig.open(rig, layout=layout)
+        light = replace(light, environment=light.environment.rotated(rotate))
+        relight_layers(
+            opened, light, shown, output=output, trace_strong=strong_lights == "rays", force=force, json=json
+        )
+        return
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..lighting.rig import Rig
         from ..relighting.relighter import Relighter
 
-        light = Relighter(bake, trace_strong=strong_lights == "rays")
+        light = Relighter(opened, trace_strong=strong_lights == "rays")
         eye = arguments.camera_of(light, camera)
         environment = Rig.open(rig, layout=layout).surroundings
         environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))

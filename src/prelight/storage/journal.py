@@ -22,7 +22,7 @@ import google_crc32c
 import numpy as np
 
 from ..errors import InputError, OutputError, PrelightError
-from ..files import explain, publish, refuse_existing, swap_folders, sync_folder, write_all
+from ..files import explain, publish, read_regular, refuse_existing, swap_folders, sync_folder, write_all
 from .chunks import ArraySpec, ChunkRecord, check_hash, chunk_key, encode
 from .manifest import NAME, Manifest
 
@@ -59,6 +59,8 @@ class BakeWriter:
         Go on with the partial bake, if there is one.
     force
         Begin anew over a partial bake, and replace a finished one when publishing.
+    replacing
+        Replace a finished one when publishing, but leave a partial one alone.
 
     Raises
     ------
@@ -69,13 +71,16 @@ class BakeWriter:
         The partial bake was begun with other settings.
     """
 
-    def __init__(self, target: Path, *, settings: dict[str, Any], resume: bool, force: bool) -> None:
-        refuse_target(target, force=force)
+    def __init__(
+        self, target: Path, *, settings: dict[str, Any], resume: bool, force: bool, replacing: bool = False
+    ) -> None:
+        self._may_replace = force or replacing
+        refuse_target(target, force=self._may_replace)
         self.target, self.partial, self.force = target, partial_folder(target), force
         self._lock = self._journal = -1
         try:
             self._take_lock()
-            refuse_target(target, force=force)  # again: whoever held the lock may have published
+            refuse_target(target, force=self._may_replace)  # again: whoever held the lock may have published
             self._begin(settings, resume)
         except BaseException as error:
             self.close()
@@ -194,6 +199,24 @@ class BakeWriter:
         publish(path, data)
         return key, record
 
+    def adopt(self, key: str, record: ChunkRecord, *, root: Path, its_key: str) -> None:
+        """Take over a whole chunk of the bake at ``root``: the same bytes, by a link where the disk can.
+
+        Raises DamagedBakeError if it is not whole, OutputError if the disk refuses.
+        """
+        check_hash(root, its_key, record.size, record.sha256)
+        path = self.partial / key
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                os.link(root / its_key, path)
+            except OSError:  # another disk, or one without links
+                publish(path, read_regular(root / its_key, limit=record.size))
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(path, f"cannot write: {explain(error)}") from None
+
     def append(self, entry: dict[str, Any]) -> None:
         """Add a line to the journal; the chunks it names are already durable."""
         try:
@@ -215,7 +238,7 @@ class BakeWriter:
             for folder, _, _ in os.walk(self.partial, topdown=False):
                 sync_folder(Path(folder))
             if os.path.lexists(self.target):
-                refuse_target(self.target, force=self.force)
+                refuse_target(self.target, force=self._may_replace)
                 swap_folders(self.partial, self.target)
                 shutil.rmtree(self.partial, ignore_errors=True)  # the old one; the new one is in place
             else:

@@ -1,0 +1,91 @@
+"""Relighting bakes with layers of several kinds under one rig, for ``prelight relight``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..lighting.rig import Rig
+    from ..storage.bake import Bake
+
+Background = str | tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What of the options of ``prelight relight`` is about the picture, read."""
+
+    camera: str | None
+    size: tuple[int | None, int | None]
+    background: Background
+    metered: bool
+    stops: float
+    curve: str
+    brightness: tuple[float, str]  # a factor and a tint of all light
+
+
+def relight_layers(
+    bake: Bake,
+    rig: Rig,
+    shown: Shown,
+    *,
+    output: Path | None,
+    trace_strong: bool,
+    force: bool,
+    json: bool,
+) -> None:
+    """Light every layer with its share of the rig and add them up; the options are those of ``prelight relight``."""
+    from ..lighting import quantities
+
+    factor = quantities.amount("--scale", shown.brightness[0], least=0.0, most=1e20)
+    tint = quantities.strength("--tint", arguments.colour("--tint", shown.brightness[1]))
+    factors = np.array([factor * own for own in tint], np.float32)
+    with printing.waiting("opening the bake and the light (the first time, compiling too)"):
+        from ..relighting.lit_bake import LitBake
+
+        light = LitBake(bake, trace_strong=trace_strong)
+        eye = arguments.camera_of(light, shown.camera)
+        started = time.perf_counter()
+        light.light(rig)
+        irradiance = light.irradiance
+        whole = (time.perf_counter() - started) * 1e3
+    figures: dict[str, Any] = {
+        "milliseconds": light.milliseconds,
+        "all_milliseconds": whole,
+        "bytes_read": light.bytes_read,
+        "layers": [
+            {"name": layer.name, "milliseconds": layer.last.milliseconds, "bytes_read": layer.last.bytes_read}
+            for layer in light.layers
+        ],
+        "receivers": len(irradiance),
+        "output": None if output is None else str(output),
+    }
+    if output is not None and output.suffix.lower() == ".npy":
+        from ..images.formats import write_npy
+
+        write_npy(output, light.radiance(eye.eye) * factors)
+    elif output is not None:
+        picture = light.picture(
+            eye, width=shown.size[0], height=shown.size[1], background=shown.background
+        )
+        behind = None if picture.background is None else picture.background * factors
+        picture = replace(picture, linear=picture.linear * factors, background=behind)
+        stops = shown.stops + (picture.stops("auto") if shown.metered else 0.0)
+        figures["exposure_stops"] = stops
+        picture.save(output, force=force, exposure=stops, curve=shown.curve)
+    if json:
+        printing.say_json(figures)
+        return
+    names = ", ".join(layer.name for layer in light.layers)
+    printing.say(
+        f"relit {len(irradiance):,} receivers by {names} in {light.milliseconds:.1f} ms "
+        f"({printing.size(light.bytes_read)} read; {whole:.0f} ms with all that is done once)"
+        + ("" if output is None else f"\n{output}")
+    )

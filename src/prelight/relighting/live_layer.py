@@ -1,0 +1,33 @@
+"""What every kind of layer offers whose rows are the scene's vertices: they take their share of a rig and add."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..arrays import Radiance
+from ..lighting.quantities import Triple
+from ..lighting.rig import Rig
+from .environment import Update
+
+
+class LiveLayer(Protocol):
+    """One layer under the light that falls on it now. What follows depends on the rig alone."""
+
+    name: str
+    last: Update
+
+    def light(self, rig: Rig) -> bool:
+        """Take what of ``rig`` is this layer's; True if its light changed.
+
+        Raises InputError for what it cannot carry.
+        """
+        ...
+
+    @property
+    def irradiance(self) -> Radiance:
+        """(V, 3) irradiance / π before albedo, every bounce; a copy. Exactly zero where its light is off."""
+        ...
+
+    def glossy(self, eye: Triple) -> Radiance | None:
+        """(V, 3) radiance toward a point that glossy surfaces add to what is diffuse; None without such rows."""
+        ...
