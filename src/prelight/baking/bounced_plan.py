@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import Positions
 from ..errors import InputError
+from ..rays.mitsuba import Occluders
+from ..scene.geometry import Scene
 from ..transport.gathering_kernels import count_entries
 from ..transport.hemisphere import HemisphereRays
 from .bounced import COLUMNS, MIXTURES, MOST_MODES
@@ -26,7 +29,7 @@ _STRETCHES, _TRIED_RAYS = 5, 1 << 18  # whose hits are tried
 _PRODUCTS = 8  # that solving takes
 _ENTRY_COLUMNS = 2.5e9  # a second, of the products, measured on two cores
 _USUAL_MODES = 0.6  # of the most
-_KEPT_SHARE = 0.22  # of the operator's entries, measured
+_KEPT, _KEPT_SHARE = 10.0, 0.6  # of the operator's n entries of a row 10·√n, measured in rooms and in the open
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,9 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     viewed = sum(len(zone.rows) for zone in layer.zones if zone.kind == VIEWED)
     grey = not viewed and not scene.textures and bool((scene.albedo == scene.albedo[:, :1]).all())
     C = 1 if grey else 3
-    per_row, ray_seconds = _tried(layer)
+    per_row, ray_seconds = tried_rows(
+        scene, layer.occluders, layer.origins, gather_rays=settings.gather_rays
+    )
     entries = int(per_row * V)
     wanted = entries * (8 if not scene.textures else 4 + 4 * C) + 8 * V
 
@@ -59,7 +64,7 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     fixed += min(ASKED_AT_ONCE, V * DIRECTIONS) * 12
     fixed += V * (C * 4 * (2 * MIXTURES + _SOLVER_COPIES * COLUMNS) + DIRECTIONS // 8) + N * MIXTURES * 12
     keeps_first = not viewed and N == V
-    kept = min(MOST_ENTRIES, _KEPT_SHARE * per_row)
+    kept = min(MOST_ENTRIES, _KEPT * per_row**0.5, _KEPT_SHARE * per_row)
     first = int(V * (BYTES_PER_VERTEX + BYTES_PER_ENTRY * kept)) if keeps_first else 0
     fixed += 2 * first
     left = int(_USED_SHARE * memory - fixed)
@@ -88,14 +93,13 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     )
 
 
-def _tried(layer: LayerReceivers) -> tuple[float, float]:
+def tried_rows(
+    scene: Scene, occluders: Occluders, origins: Positions, *, gather_rays: int
+) -> tuple[float, float]:
     """Entries of a row of the operator, and seconds a ray, from some receivers of the scene."""
-    scene = layer.scene
-    rays = HemisphereRays(
-        layer.occluders, scene, origins=layer.origins, normals=scene.normals, rays=layer.settings.gather_rays
-    )
+    rays = HemisphereRays(occluders, scene, origins=origins, normals=scene.normals, rays=gather_rays)
     V = len(scene.positions)
-    count = min(max(1, _TRIED_RAYS // layer.settings.gather_rays), V)
+    count = min(max(1, _TRIED_RAYS // gather_rays), V)
     counts = np.empty(count, np.int64)
     found, took = [], []
     for first in np.linspace(0, V - count, _STRETCHES).astype(int):
@@ -104,4 +108,4 @@ def _tried(layer: LayerReceivers) -> tuple[float, float]:
         count_entries(np.ascontiguousarray(scene.triangles), hits.triangle, counts, V)
         took.append(time.perf_counter() - began)
         found.append(counts.mean())
-    return float(np.mean(found)), min(took) / (count * layer.settings.gather_rays)
+    return float(np.mean(found)), min(took) / (count * gather_rays)
