@@ -199,6 +199,6 @@ def test_lights_and_hidden_nodes(load) -> None:
     scene = load(glb.bytes())
     np.testing.assert_array_equal(scene.positions, TRIANGLE)
     assert scene.notes[1:] == (
-        "lights not read, an environment lights the scene: 1",
+        "lights not in the bake: 1; prelight rig lamps makes a rig of them",
         "animations not applied: 1",
     )

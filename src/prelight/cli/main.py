@@ -17,7 +17,7 @@ import cyclopts
 
 from ..errors import InterruptedBakeError, PrelightError, printable
 from ..files import explain
-from . import animate, bake, compare, demo, doctor, inspect, layers, relight, solve, studio, verify
+from . import animate, bake, compare, demo, doctor, inspect, layers, relight, rig, solve, studio, verify
 
 EXIT_FAULT, EXIT_INPUT, EXIT_OUTPUT, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -47,6 +47,7 @@ app.command(studio.studio)
 app.command(solve.solve)
 app.command(compare.compare)
 app.command(inspect.inspect)
+app.command(rig.app, name="rig")
 app.command(layers.app, name="layers")
 app.command(verify.verify)
 app.command(doctor.doctor)

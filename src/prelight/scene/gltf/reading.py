@@ -176,7 +176,7 @@ def _notes(document: Document, matrices: dict[int, np.ndarray]) -> list[str]:
         notes.append(f"extensions not read: {', '.join(unread[:_NAMED_EXTENSIONS])}{more}")
     nodes = [document.nodes[k] for k in matrices]
     if lamps := sum(node.extensions.KHR_lights_punctual is not None for node in nodes):
-        notes.append(f"lights not read, an environment lights the scene: {lamps:,}")
+        notes.append(f"lights not in the bake: {lamps:,}; prelight rig lamps makes a rig of them")
     if any(node.skin is not None for node in nodes):
         notes.append("skins not applied: the mesh stands as it was modelled")
     if any(primitive.targets for mesh in document.meshes for primitive in mesh.primitives):
