@@ -1,0 +1,159 @@
+"""Direct light through portals, baked some receivers at a time; what is done is kept for a bake that is stopped."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Float32, Int32, Int64
+from ..bases.harmonic_cells import cell_harmonics
+from ..encoding.pulse_or_haar import Choice, RunRows, encoded, slots_for
+from ..storage.chunks import ChunkRecord, open_chunk
+from ..storage.journal import BakeWriter
+from .portals_room import PortalsRoom
+from .scene_arrays import whole
+
+LANES = 1 << 22  # rays of a tile, about
+_PARTS = ("receiver", "pane", "kind", "scale", "counts", "runs", "data", "figures")
+
+Share = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class DirectLight:
+    """T of direct light: a row over the cells of the cube for every receiver that a pane is seen from.
+
+    Attributes
+    ----------
+    rows
+        Pane after pane, by receiver in each.
+    receiver
+        ``(n,)`` of each row.
+    pane_rows
+        ``(panes + 1,)`` where the rows of each pane begin.
+    choice
+        Of pulses or Haar.
+    rays
+        That were sent.
+    """
+
+    rows: RunRows
+    receiver: Int32[np.ndarray, "n"]
+    pane_rows: Int64[np.ndarray, "panes_and_one"]
+    choice: Choice
+    rays: int
+
+    def harmonics(
+        self, room: PortalsRoom, portal: int, bands: slice, *, channels: int, functions: int
+    ) -> Float32[np.ndarray, "receivers functions channels"]:
+        """Irradiance / π at receivers of the spherical harmonics ``bands`` (of so many), seen through one portal."""
+        means, _ = cell_harmonics(round(functions**0.5) - 1, self.rows.resolution)
+        columns = np.ascontiguousarray(means[:, bands])
+        out = np.zeros((len(room.scene.positions), columns.shape[1], channels), np.float32)
+        portals = room.portals
+        for pane in np.flatnonzero(portals.portal_of_pane == portal):
+            first, last = int(self.pane_rows[pane]), int(self.pane_rows[pane + 1])
+            found = self.rows.times(columns, first, last)
+            out[self.receiver[first:last]] += (
+                found[:, :, None] * portals.pane_tints[pane, None, None, :channels]
+            )
+        return out
+
+
+def bake_direct(room: PortalsRoom, writer: BakeWriter, report: Share) -> DirectLight:
+    """Trace what the journal does not have yet."""
+    rays, count = room.rays, len(room.scene.positions)
+    step = rows_of_tile(room)
+    firsts = range(0, count, step)
+    kept = {entry["tile"]: entry for entry in writer.entries if "tile" in entry}
+    entries = []
+    for k, first in enumerate(firsts):
+        if k not in kept:
+            began = time.perf_counter()
+            parts, sent = _tile(room, first, min(step, count - first))
+            kept[k] = _keep(writer, k, parts, {"rays": sent, "began": began})
+        entries.append(kept[k])
+        report((k + 1) / len(firsts))
+    tiles = [_read(writer, entry) for entry in entries]
+    return _gathered(tiles, rays.panes, room.settings.cube, rays=sum(entry["rays"] for entry in entries))
+
+
+def rows_of_tile(room: PortalsRoom) -> int:
+    """Receivers of a tile: so many as their rays, and the rows made of them, are given room."""
+    return max(16, min(LANES // room.settings.rays, slots_for(room.settings.cube) // room.rays.panes))
+
+
+def _tile(room: PortalsRoom, first: int, rows: int) -> tuple[dict[str, np.ndarray], int]:
+    found = room.rays.trace(first, rows)
+    # Pairs that no ray comes through, most of them where there are many panes, make no rows.
+    seen = np.add.reduceat(np.append(found.weight, 0), found.starts[:-1]) * (np.diff(found.starts) > 0)
+    lit = np.flatnonzero(seen > 0)
+    parts = {name: [] for name in _PARTS}
+    for start in range(0, max(len(lit), 1), slots_for(room.settings.cube)):
+        pairs = lit[start : start + slots_for(room.settings.cube)]
+        _encode(room, found, pairs, first, parts)
+    return {name: np.concatenate(values) for name, values in parts.items()}, found.rays
+
+
+def _encode(room: PortalsRoom, found: Any, pairs: np.ndarray, first: int, parts: dict[str, list]) -> None:
+    lengths = np.diff(found.starts)[pairs]
+    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+    lane = np.repeat(found.starts[pairs] - starts[:-1], lengths) + np.arange(starts[-1])
+    rows, kept, figures = encoded(starts, found.cell[lane], found.weight[lane], room.settings.cube)
+    receiver, pane = np.divmod(pairs[kept], room.rays.panes)
+    for name, values in (
+        ("receiver", room.order[first + receiver]), ("pane", pane), ("kind", rows.kind), ("scale", rows.scale),
+        ("counts", np.stack([np.diff(rows.row_runs), np.diff(rows.row_bytes)], axis=1).astype(np.int32)),
+        ("runs", rows.runs), ("data", rows.data), ("figures", figures[kept]),
+    ):  # fmt: skip
+        parts[name].append(values)
+
+
+_TYPES = {
+    "receiver": np.int32, "pane": np.int32, "kind": np.uint8, "scale": np.float32, "counts": np.int32,
+    "runs": np.uint16, "data": np.uint8, "figures": np.float32,
+}  # fmt: skip
+
+
+def _keep(
+    writer: BakeWriter, tile: int, parts: dict[str, np.ndarray], told: dict[str, Any]
+) -> dict[str, Any]:
+    """Chunks that the finished bake will not have, and the journal's line about them."""
+    chunks = {}
+    for name, values in parts.items():
+        if not len(values):
+            continue
+        own = np.ascontiguousarray(values, _TYPES[name])
+        key, record = writer.write_chunk(f"tracing/{tile:06d}/{name}", (0,) * own.ndim, own, whole(own))
+        chunks[key] = record.model_dump()
+    shapes = {name: list(values.shape) for name, values in parts.items()}
+    seconds = time.perf_counter() - told["began"]
+    entry = {"tile": tile, "rays": told["rays"], "shapes": shapes, "chunks": chunks, "seconds": seconds}
+    writer.append(entry)
+    return entry
+
+
+def _read(writer: BakeWriter, entry: dict[str, Any]) -> dict[str, np.ndarray]:
+    out = {}
+    for name, shape in entry["shapes"].items():
+        empty = np.zeros(shape, _TYPES[name])
+        key = f"tracing/{entry['tile']:06d}/{name}/c/" + "/".join(["0"] * len(shape))
+        out[name] = empty
+        if shape[0]:
+            out[name] = open_chunk(writer.partial, key, whole(empty), ChunkRecord(**entry["chunks"][key]))
+    return out
+
+
+def _gathered(tiles: list[dict[str, np.ndarray]], panes: int, resolution: int, *, rays: int) -> DirectLight:
+    """All tiles' rows, by pane and receiver."""
+    whole_ = {name: np.concatenate([tile[name] for tile in tiles]) for name in _PARTS}
+    row_runs = np.concatenate([[0], np.cumsum(whole_["counts"][:, 0], dtype=np.int64)])
+    rows = RunRows(resolution, whole_["kind"], whole_["scale"], row_runs, whole_["runs"], whole_["data"])
+    order = np.lexsort((whole_["receiver"], whole_["pane"]))
+    pane_rows = np.searchsorted(whole_["pane"][order], np.arange(panes + 1)).astype(np.int64)
+    choice = Choice.of(whole_["figures"].astype(np.float64))
+    return DirectLight(rows.chosen(order), whole_["receiver"][order], pane_rows, choice, rays)

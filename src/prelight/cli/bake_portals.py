@@ -1,0 +1,206 @@
+"""``prelight bake portals``: a room lit through its windows."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..baking.portals_plan import PortalsPlan
+    from ..storage.bake import Bake
+
+_NUMBER = Parameter(converter=arguments.whole_number)
+
+
+def portals(
+    scene: str,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    portal: Annotated[list[str] | None, Parameter(negative="")] = None,
+    portals: str | None = None,
+    group: str = "material",
+    exterior_distance: float | None = None,
+    theta: float = 5.0,
+    returned: float = 0.02,
+    cube: Annotated[int, _NUMBER] = 32,
+    rays: Annotated[int | None, _NUMBER] = None,
+    order: Annotated[int | None, _NUMBER] = None,
+    accuracy: float | None = None,
+    bounces: Annotated[int | None, _NUMBER] = None,
+    gather_rays: Annotated[int | None, _NUMBER] = None,
+    suns: bool = True,
+    preset: str | None = None,
+    subdivide: float | None = None,
+    albedo: str | None = None,
+    trust: Annotated[bool, Parameter(negative="")] = False,
+    memory: str | None = None,
+    seed: Annotated[int, _NUMBER] = 0,
+    dry_run: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Bake a room for the light that comes through its windows, whatever is outside and whatever the glass becomes.
+
+    Portals are found from the scene's glass: materials that transmit light, dielectrics, and names such as glass. What
+    is outside (a map, a sky with its sun, a town that moves) and what the glass is (clear, tinted, frosted, behind a
+    blind, shut) are free afterwards, in a rig (docs/portals.md):
+
+    `prelight bake portals chapel.glb -o chapel.prelight`, then `prelight relight chapel.prelight RIG.toml -o a.png`.
+
+    Shows what it will cost before it begins, and how near things may come outside. Ctrl-C keeps what is done; the same
+    command with --resume goes on.
+
+    Parameters
+    ----------
+    scene
+        A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:portals).
+    output
+        The bake, a new folder; SCENE.prelight in the current folder if not given.
+    portal
+        A material whose triangles are portals, by its name; again for more. Glass is looked for if not given.
+    portals
+        A TOML file of [[portal]]s instead: polygons, or materials by name, with tints (docs/portals.md).
+    group
+        material: one portal for the glass of each material; window: one for each window and material; one: a single
+        portal with the colours of its glass baked in, for a world far away and glass that stays as it is.
+    exterior_distance
+        How near things come to the portals outside, metres. Portals too large for that are cut. Without it everything
+        outside is far away, and one shell serves all.
+    theta
+        By how many degrees a portal's rim may see things elsewhere than its middle does: the paper's θ_M.
+    returned
+        The share of the light at things outside that may come back from the room: the paper's R_Θ, for the advice.
+    cube
+        Cells along a face of the cube map that direct light is kept on: 4, 8, 16, 32 or 64.
+    rays
+        From each receiver, shared among the portals before it; default 4096. Four times as many halve the noise.
+    order
+        Of the spherical harmonics that bounced light is kept in, 0 to 12; default 4. Higher for small portals.
+    accuracy
+        Choose the order: the least that holds this share of the energy of bounced light, such as 0.9, up to --order
+        (12 if not given).
+    bounces
+        How often light may bounce, at most 1000; 0 for direct light only. If not given as often as matters.
+    gather_rays
+        Rays from each receiver that find the surfaces which light bounces from, a square number; default 1024.
+    suns
+        Keep the one-bounce operator, some 500 bytes a vertex, from which the bounces of a sun follow; --no-suns leaves
+        it out, and a sun bounces as blurred as the harmonics are.
+    preset
+        paper: the parameters of the paper this follows (4096 rays, 4096 gather rays, 9 bounces, order 4); what is given
+        besides goes before it.
+    subdivide
+        Halve edges longer than this, in metres, for a finer net of vertices.
+    albedo
+        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
+    trust
+        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
+    memory
+        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
+    seed
+        Of all randomness.
+    dry_run
+        Only say what it would cost, and the advice.
+    resume
+        Go on with an interrupted bake.
+    force
+        Replace the output, or begin an interrupted bake anew.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..storage.journal import refuse_target
+
+    target = arguments.bake_target(scene, output)
+    if not dry_run:
+        refuse_target(target, force=force)
+    if preset not in (None, "paper"):
+        raise InputError("--preset", f"{preset!r}, expected paper")
+    if accuracy is not None and order is None:
+        order = 12
+    budget = arguments.memory(memory)
+    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
+        from ..baking.portals import bake_planned
+        from ..baking.portals_plan import plan_portals
+        from ..baking.portals_settings import PAPER, PortalsSettings
+        from ..scene.loading import load_scene
+        from ..scene.portals import PortalWish
+
+        wish = PortalWish(
+            tuple(portal or ()),
+            portals,
+            group,
+            math.inf if exterior_distance is None else exterior_distance,
+            theta,
+        )
+        given = {"rays": rays, "order": order, "bounces": bounces, "gather_rays": gather_rays}
+        asked: dict[str, Any] = {} if preset is None else {name: PAPER[name] for name in given}
+        asked |= {name: value for name, value in given.items() if value is not None}
+        settings = PortalsSettings(
+            wish,
+            cube=cube,
+            accuracy=accuracy,
+            suns=suns,
+            returned=returned,
+            seed=seed,
+            memory=budget,
+            **asked,
+        )
+        loaded = load_scene(scene, albedo=colour, subdivide=subdivide, trust=trust)
+        plan = plan_portals(loaded, settings)
+    if not json:
+        _say_plan(plan)
+    if dry_run:
+        if json:
+            printing.say_json(plan.summary())
+        return
+    with printing.share_bar("baking") as report:
+        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
+    _say_done(bake, target, json=json)
+
+
+def _say_plan(plan: PortalsPlan) -> None:
+    scene = plan.room.scene
+    for note in (*scene.notes, *plan.room.notes):
+        printing.say(f"note: {note}")
+    names, areas = plan.room.portals.names, plan.room.portals.areas
+    shown = ", ".join(f"{name} ({area:.2g} m²)" for name, area in list(zip(names, areas, strict=True))[:6])
+    printing.say(
+        f"{scene.name}: {plan.receivers:,} receivers, {plan.triangles:,} triangles, "
+        f"{len(names):,} {'portal' if len(names) == 1 else 'portals'}: {shown}{', …' if len(names) > 6 else ''}\n"
+        f"about {printing.count(plan.rays)} rays for direct light, {printing.duration(plan.seconds)}, "
+        f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
+    )
+    printing.say("\n".join(plan.advice.lines(plan.settings)))
+
+
+def _say_done(bake: Bake, target: Path, *, json: bool) -> None:
+    summary = bake.summary()
+    if json:
+        printing.say_json(summary)
+        return
+    layer = summary["layers"][0]
+    found = layer["statistics"]
+    haar = found["haar_rows"] / max(found["rows"], 1)
+    printing.say(
+        f"direct light: {found['rows']:,} rows, {haar:.0%} as Haar coefficients, {printing.size(found['row_bytes'])} "
+        f"(all as pulses {printing.size(found['pulse_bytes'])}, all as Haar {printing.size(found['haar_bytes'])})"
+    )
+    if "bounced_modes" in found:
+        printing.say(
+            f"bounced light: harmonics of order {layer['parameters']['order']} in {found['bounced_modes']} modes, "
+            f"{printing.size(layer['bounced_bytes'])}, at least {found['bounced_held']:.0%} of a portal's energy"
+        )
+    taken = f", {printing.duration(bake.seconds)}" if bake.seconds is not None else ""
+    printing.say(
+        f"{target}: {printing.size(summary['bytes'])}{taken}\n"
+        f"now: prelight relight {target} stock:noon -o picture.png   (or a rig with [[portal]]s)"
+    )

@@ -1,0 +1,77 @@
+"""Frosted glass: the light of a shell blurred on the sphere, not on the pixels of its cube."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from ..arrays import CubeMap, Float32
+from ..bases import cube_map
+from .frost_kernels import blur
+
+_CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
+_CUT = 4.0  # standard deviations
+_TABLE = 2048
+
+
+def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] | None = None) -> CubeMap:
+    """What comes through frosted glass: each direction the mean of those around it, by a Gaussian of their angle.
+
+    Parameters
+    ----------
+    shell
+        ``(6, n, n, 3)`` radiance.
+    frost_deg
+        Standard deviation, degrees; 0 leaves everything as it is.
+    outward
+        The unit normal of a flat pane, toward the outside: light from behind the pane's plane does not count. Zeros or
+        None where a pane is not flat.
+
+    An even shell stays as it is.
+    """
+    n = shell.shape[1]
+    if frost_deg <= 0:
+        return shell
+    sigma = math.radians(frost_deg)
+    coarse = n
+    while coarse % 2 == 0 and coarse // 2 >= _CELLS_PER_SIGMA * math.pi / 2 / sigma:
+        coarse //= 2
+    directions, _ = _cells(n)
+    inner, areas = _cells(coarse)
+    light = shell.reshape(-1, 3) if coarse == n else _averaged(shell, coarse)
+    most = 1 - math.cos(min(math.pi, _CUT * sigma))
+    angle = np.arccos(np.clip(1 - np.linspace(0, most, _TABLE), -1, 1))
+    table = np.exp(-0.5 * (angle / sigma) ** 2).astype(np.float32)
+    side = np.zeros(4, np.float32)
+    if outward is not None:
+        side[:3] = outward
+    side[3] = (_TABLE - 1) / most
+    out = np.empty((len(directions), 3), np.float32)
+    inputs = np.concatenate([inner, areas[:, None]], axis=1)
+    blur(*(_frozen(a) for a in (directions, inputs, light, table, side)), out)
+    return out.reshape(shell.shape)
+
+
+@lru_cache(maxsize=8)
+def _cells(resolution: int) -> tuple[Float32[np.ndarray, "cells 3"], Float32[np.ndarray, "cells"]]:
+    texels = np.arange(6 * resolution**2, dtype=np.int32)
+    areas = np.tile(cube_map.solid_angles(resolution).ravel(), 6)
+    return cube_map.texel_directions(texels, resolution), areas
+
+
+def _averaged(shell: CubeMap, coarse: int) -> Float32[np.ndarray, "cells 3"]:
+    """Means over blocks of cells, by solid angle."""
+    n = shell.shape[1]
+    area = cube_map.solid_angles(n)[None, :, :, None]
+    split = (6, coarse, n // coarse, coarse, n // coarse)
+    sums = (shell * area).reshape(*split, 3).sum(axis=(2, 4))
+    areas = np.broadcast_to(area, (6, n, n, 1)).reshape(*split, 1).sum(axis=(2, 4))
+    return np.ascontiguousarray((sums / areas).reshape(-1, 3), np.float32)
+
+
+def _frozen(a: np.ndarray) -> np.ndarray:
+    view = np.ascontiguousarray(a, np.float32).view()
+    view.flags.writeable = False
+    return view
