@@ -1,0 +1,230 @@
+"""``prelight bake cloud``: lamps that move, their light interpolated between a cloud of precomputed ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from . import arguments, printing
+
+if TYPE_CHECKING:
+    from ..baking.cloud_plan import CloudPlan
+    from ..storage.bake import Bake
+
+_NUMBER = Parameter(converter=arguments.whole_number)
+
+
+def cloud(
+    scene: str,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    lights: Annotated[int, _NUMBER] = 384,
+    box: str | None = None,
+    radius: float = 0.0,
+    zone: Annotated[int, _NUMBER] = 1024,
+    clusters: Annotated[int | None, _NUMBER] = None,
+    coefficients: float = 16.0,
+    error: float | None = None,
+    w1: float | None = None,
+    w2: float | None = None,
+    merge: str = "mean",
+    patches: Annotated[int, _NUMBER] = 256,
+    interpolation: str | None = None,
+    codes: str = "bytes",
+    gather_rays: Annotated[int, _NUMBER] = 1024,
+    floor: float | None = None,
+    subdivide: float | None = None,
+    albedo: str | None = None,
+    trust: Annotated[bool, Parameter(negative="")] = False,
+    memory: str | None = None,
+    dry_run: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Bake a cloud of lights: any number of lamps, moved anywhere in it, with every bounce.
+
+    What bounces of a lamp's light is interpolated between precomputed lights, what falls directly is
+    traced (Kristensen, Akenine-Möller and Jensen 2005). A rig (docs/rig.md) puts [[lamp]]s, [[spot]]s and [[panel]]s
+    with a position into the scene afterwards:
+
+    `prelight bake cloud stock:maze -o maze.prelight`, then `prelight relight maze.prelight RIG.toml -o picture.png`,
+    RIG.toml being `lamp = [{ position = [0.6, 0.5, 0.6], power_w = 20 }]`.
+
+    Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
+
+    Parameters
+    ----------
+    scene
+        A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:maze).
+    output
+        The bake, a new folder; SCENE.prelight beside you if not given.
+    lights
+        About so many in a grid, up to 8192; those inside solids are left out. More err less between them; what is kept
+        and how long relighting takes hardly grow.
+    box
+        Where lights will be moved: X,Y,Z/X,Y,Z, low and high corner in metres; the box around the scene if not given.
+    radius
+        Of the grid's lights, metres: diffuse balls; 0 for points.
+    zone
+        Vertices of a zone at most: lights are clustered for each, and one is in memory at a time.
+    clusters
+        Of vertices in each zone, with components of their own; one for each 100 vertices if not given.
+    coefficients
+        Kept of a vertex and colour, in the mean.
+    error
+        Keep no more than bring what is left over below this share (RMS), 0 to 1.
+    w1, w2
+        Of the paper's equation 9: the reciprocals of how far lights of a group may be apart (metres), and of how
+        differently a vertex may answer to them (irradiance / π of 1 W/sr). Suggested from the scene if not given.
+    merge
+        mean, or harmonic: how answers to lights of a group become one.
+    patches
+        Of surfaces, whose light makes up for what lights of the cloud do not have, up to 2048; 0 for the paper's cloud
+        alone.
+    interpolation
+        fitted to the light on the patches, or kernel, the paper's. fitted unless there are no patches.
+    codes
+        bytes, or float16: twice as many bytes, the last half percent.
+    gather_rays
+        Rays from each vertex that find the surfaces which light bounces from, a square number up to 16384.
+    floor
+        Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
+    subdivide
+        Halve edges longer than this, in metres, for a finer net of vertices.
+    albedo
+        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
+    trust
+        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
+    memory
+        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
+    dry_run
+        Only say what it would cost.
+    resume
+        Go on with an interrupted bake.
+    force
+        Replace the output, or begin an interrupted bake anew.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..storage.journal import refuse_target
+
+    target = arguments.bake_target(scene, output)
+    if not dry_run:
+        refuse_target(target, force=force)
+    budget = arguments.memory(memory)
+    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
+        from ..baking.cloud import bake_planned
+        from ..baking.cloud_plan import plan_cloud
+        from ..baking.cloud_settings import CloudSettings
+        from ..scene.loading import load_scene
+
+        settings = CloudSettings(
+            lights=lights, box=None if box is None else _corners(box), radius=radius, zone=zone, clusters=clusters,
+            coefficients=coefficients, error=error, w1=w1, w2=w2, merge=merge, patches=patches,
+            interpolation=interpolation or ("fitted" if patches else "kernel"), codes=codes,
+            gather_rays=gather_rays, memory=budget,
+        )  # fmt: skip
+        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
+        plan = plan_cloud(loaded, settings)
+    if not json:
+        _say_plan(plan)
+    if dry_run:
+        if json:
+            printing.say_json(plan.summary())
+        return
+    with printing.share_bar("baking") as report:
+        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
+    if json:
+        printing.say_json(bake.summary())
+        return
+    _say_done(bake, target)
+
+
+def _corners(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """X,Y,Z/X,Y,Z."""
+    try:
+        low, high = ([float(x) for x in part.split(",")] for part in text.split("/"))
+        (a, b, c), (d, e, f) = low, high
+    except ValueError:
+        raise InputError("--box", f"{text!r}, expected X,Y,Z/X,Y,Z, its low and its high corner") from None
+    return (a, b, c), (d, e, f)
+
+
+def _say_plan(plan: CloudPlan) -> None:
+    for note in (*plan.scene.notes, *plan.notes):
+        printing.say(f"note: {note}")
+    grid = plan.grid
+    inside = f" ({grid.in_solids:,} more are inside solids)" if grid.in_solids else ""
+    printing.say(
+        f"{plan.scene.name}: {plan.vertices:,} vertices, {plan.triangles:,} triangles\n"
+        f"{len(grid):,} lights, {' × '.join(f'{x:.2g}' for x in grid.step)} m apart{inside}\n"
+        f"about {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
+        f"{printing.size(plan.bytes)} on disk ({printing.size(plan.scratch)} more while baking), "
+        f"at most {printing.size(plan.memory)} of memory"
+    )
+
+
+def _say_done(bake: Bake, target: Path) -> None:
+    summary = bake.summary()
+    layer = summary["layers"][0]
+    taken = f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else ""
+    printing.say(f"{target}: {printing.size(summary['bytes'])}{taken}")
+    for _, said in rows_of_errors(layer):
+        printing.say(said)
+    printing.say(
+        f"now: prelight relight {target} RIG.toml -o picture.png   (docs/rig.md has lamps to begin with)"
+    )
+
+
+def rows_of_errors(layer: dict) -> list[tuple[str, str]]:
+    """What bounced light of lamps between the lights loses, measured while baking; nothing without patches."""
+    told = layer["statistics"]
+    if not layer["parameters"]["patches"]:
+        return []
+    return [
+        (
+            "  errs",
+            f"bounced light of lamps anywhere by {told['error']:.1%} in the middle, "
+            f"{told['worst_error']:.0%} at worst: "
+            f"interpolation {told['interpolation_error']:.1%}, light clusters {told['merged_error']:.1%}, "
+            f"components {told['components_error']:.1%}",
+        )
+    ]
+
+
+def rows_of_cloud(layer: dict) -> list[tuple[str, str]]:
+    """What ``prelight inspect`` says of a cloud layer."""
+    settings, told, seconds = layer["parameters"], layer["statistics"], layer["seconds"]
+    took = f", {printing.duration(seconds)}" if seconds is not None else ""
+    solids = f", {told['in_solids']:,} more were inside solids" if told["in_solids"] else ""
+    patches = f", {settings['patches']:,} patches" if settings["patches"] else ""
+    return [
+        ("layer", f"{layer['name']} ({layer['kind']})"),
+        ("  receivers", "diffuse vertices, seen from anywhere"),
+        ("  lights", f"{layer['basis_lights']:,}, at most {settings['step']:.2g} m apart{solids}"),
+        (
+            "  clusters",
+            f"{told['groups']:.0f} groups of lights in the mean of {told['zones']:,} zones "
+            f"(w1 {settings['w1']:.3g}, w2 {settings['w2']:.3g}){patches}",
+        ),
+        (
+            "  components",
+            f"{told['coefficients_a_vertex']:.3g} coefficients a vertex and colour in {told['clusters']:,} clusters, "
+            f"{settings['codes']}",
+        ),
+        (
+            "  between",
+            "weights fitted to direct light"
+            if settings["interpolation"] == "fitted"
+            else "the paper's kernel",
+        ),
+        *rows_of_errors(layer),
+        ("  size", printing.size(layer["bytes"])),
+        ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
+    ]

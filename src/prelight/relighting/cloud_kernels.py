@@ -1,0 +1,64 @@
+"""Clustered components times weights: a few numbers for each cluster, then a few for each of its vertices."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, prange, types
+
+f4, i4, i8 = types.float32, types.int32, types.int64
+_list = types.Array(f4, 1, "C", readonly=True)
+_places = types.Array(i8, 2, "C", readonly=True)
+_order = types.Array(i4, 1, "C", readonly=True)
+_weights = types.Array(f4, 2, "C", readonly=True)
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _dot(a, b):
+    total = np.float32(0)
+    for k in range(len(a)):
+        total += a[k] * b[k]
+    return total
+
+
+@njit(cache=True)
+def _cluster(k, places, bases, codes, scales, weights, order, out):
+    """The rows of one cluster, in three channels."""
+    first, rows, slot, width = places[k, 0], places[k, 1], places[k, 2], places[k, 3]
+    sums = np.empty(rows, np.float32)
+    channels = (places.shape[1] - 4) // 4
+    for c in range(3):
+        at = 4 + 4 * (c if channels == 3 else 0)
+        components, base, code, scale = places[k, at], places[k, at + 1], places[k, at + 2], places[k, at + 3]
+        w = weights[c, slot : slot + width]
+        mean = _dot(bases[base : base + width], w)
+        for r in range(rows):
+            sums[r] = mean
+        for i in range(components):
+            start = base + (i + 1) * width
+            b = _dot(bases[start : start + width], w) * scales[scale + i]
+            own = codes[code + i * rows : code + (i + 1) * rows]
+            for r in range(len(own)):
+                sums[r] += b * np.float32(own[r])
+        for r in range(rows):
+            out[order[first + r], c] = sums[r]
+
+
+@njit(
+    [
+        types.void(
+            _places, _list, types.Array(code, 1, "C", readonly=True), _list, _weights, _order, f4[:, ::1]
+        )
+        for code in (types.int8, f4)
+    ],
+    parallel=True,
+    cache=True,
+    nogil=True,
+)
+def cloud_light(places, bases, codes, scales, weights, order, out):
+    """out (V, 3) = Σ over lights of weight · what is kept of the vertex's answer, x ≈ m + Σ b z.
+
+    places (clusters, 4 + 4 · channels): first row in ``order``, rows, first weight, weights; then for each channel
+    how many components, and where bases, codes and their scales begin. weights (3, …) of each zone one after the other.
+    """
+    for k in prange(len(places)):
+        _cluster(k, places, bases, codes, scales, weights, order, out)
