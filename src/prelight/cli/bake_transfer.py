@@ -1,0 +1,129 @@
+"""``prelight bake transfer``: any light, anywhere in the scene, live."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from . import arguments, printing
+
+_NO_EDGE = 1e8  # metres: every one holds
+_NUMBER = Parameter(converter=arguments.whole_number)
+
+
+def transfer(
+    scene: str,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    gather_rays: Annotated[int, _NUMBER] = 1024,
+    entries: Annotated[int, _NUMBER] = 224,
+    operator_bounces: Annotated[int, _NUMBER] = 2,
+    modes: Annotated[int, _NUMBER] = 124,
+    floor: float | None = None,
+    subdivide: float | None = None,
+    albedo: str | None = None,
+    trust: Annotated[bool, Parameter(negative="")] = False,
+    memory: str | None = None,
+    dry_run: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Bake for any light at all: lamps, spots, panels, skies, moved anywhere, with exact shadows and every bounce.
+
+    Nothing of the light is fixed: a rig (docs/rig.md) puts [[lamp]]s, [[spot]]s and [[panel]]s with a position into
+    the scene afterwards, some thirty changes a second:
+
+    `prelight bake transfer stock:room -o room.prelight`, then `prelight relight room.prelight RIG.toml -o picture.png`,
+    RIG.toml being `lamp = [{ position = [0.4, 1.9, 0.6], power_w = 40, kelvin = 2900 }]`.
+
+    Surfaces are diffuse. Direct light is traced when relighting, so that needs Mitsuba too. Shows what it will cost
+    before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
+
+    Parameters
+    ----------
+    scene
+        A mesh or scene file, or stock:NAME, one of the built-in scenes (stock:room).
+    output
+        The bake, a new folder; SCENE.prelight beside you if not given.
+    gather_rays
+        Rays from each vertex that find the surfaces which light bounces from, a square number up to 16384: four
+        times as many halve the noise of bounced light.
+    entries
+        Of the operator of one bounce, for each vertex in the mean, 16 to 4096: more make the first bounce truer and
+        every change of light slower.
+    operator_bounces
+        How many bounces the operator makes before smooth modes take over, 1 to 3: each takes as long as the first.
+    modes
+        How many of them at most, 1 to 124.
+    floor
+        Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
+    subdivide
+        Halve edges longer than this, in metres, for a finer net of vertices.
+    albedo
+        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
+    trust
+        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
+    memory
+        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
+    dry_run
+        Only say what it would cost.
+    resume
+        Go on with an interrupted bake.
+    force
+        Replace the output, or begin an interrupted bake anew.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..storage.journal import refuse_target
+
+    target = arguments.bake_target(scene, output)
+    if not dry_run:
+        refuse_target(target, force=force)
+    budget = arguments.memory(memory)
+    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
+        from ..baking.transfer import bake_planned
+        from ..baking.transfer_plan import plan_transfer
+        from ..baking.transfer_settings import TransferSettings
+        from ..scene.loading import load_scene
+
+        settings = TransferSettings(gather_rays, entries, operator_bounces, modes, budget)
+        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
+        plan = plan_transfer(loaded, settings)
+    if not json:
+        for note in (*loaded.notes, *plan.notes):
+            printing.say(f"note: {note}")
+        printing.say(
+            f"{loaded.name}: {plan.vertices:,} vertices, {plan.triangles:,} triangles\n"
+            f"about {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
+            f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
+        )
+    if dry_run:
+        if json:
+            printing.say_json(plan.summary())
+        return
+    with printing.share_bar("baking") as report:
+        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
+    summary = bake.summary()
+    if json:
+        printing.say_json(summary)
+        return
+    layer = summary["layers"][0]
+    told = layer["statistics"]
+    coarse = ""
+    if told["edge"] < _NO_EDGE:
+        coarse = (
+            f"\nthe mesh is too coarse for bounced light on {1 - told['held']:.0%} of the area; "
+            f"--subdivide {told['edge']:.2g} would hold it nearly everywhere"
+        )
+    printing.say(
+        f"{target}: {printing.size(summary['bytes'])}"
+        + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
+        + f"\nbounced light of lights not close to a surface errs by {told['error']:.1%} in the middle, "
+        f"{told['worst_error']:.1%} at worst (thinning adds {told['first_error']:.1%} to a first bounce)"
+        f"{coarse}\nnow: prelight relight {target} RIG.toml -o picture.png   (docs/rig.md has lamps to begin with)"
+    )

@@ -1,0 +1,34 @@
+"""What ``prelight inspect`` says of a transfer layer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from . import printing
+
+
+def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
+    """Lines of its own, in two columns."""
+    settings, told, seconds = layer["parameters"], layer["statistics"], layer["seconds"]
+    entries = told["first_entries"] / max(layer["basis_lights"], 1)
+    bounces = settings["operator_bounces"]
+    by_operator = "the first bounce" if bounces == 1 else f"the first {bounces} bounces"
+    took = f", {printing.duration(seconds)}" if seconds is not None else ""
+    return [
+        ("layer", f"{layer['name']} ({layer['kind']})"),
+        ("  receivers", "diffuse vertices, seen from anywhere"),
+        ("  lights", "any: lamps, spots and panels anywhere, an environment; their shadows by rays"),
+        (
+            "  bounces",
+            f"{by_operator} by {entries:.0f} entries a vertex, the rest by {layer['coefficients']} modes",
+        ),
+        (
+            "  errors",
+            f"of bounced light {told['error']:.1%} RMS in the middle, {told['worst_error']:.0%} at worst, of lights"
+            " that keep 3% of the scene's extent from surfaces",
+        ),
+        ("  mesh", f"holds bounced light on {told['held']:.0%} of its area"),
+        ("  size", printing.size(layer["bytes"])),
+        ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
+        ("  loses", "gloss; but for direct light in pictures, what is finer than the mesh"),
+    ]
