@@ -17,15 +17,10 @@ import websockets.sync.client
 from prelight.baking.environment import bake_environment
 from prelight.storage.bake import Bake
 from prelight.studio.environments import Environments
-from prelight.studio.protocol import (
-    PROTOCOL_VERSION,
-    ClientMessage,
-    FrameHeader,
-    Hello,
-    Seen,
-    encode,
-)
+from prelight.studio.frames import FrameHeader
+from prelight.studio.protocol import PROTOCOL_VERSION, ClientMessage, Hello, Seen
 from prelight.studio.server import PAGE, Served, Studio
+from prelight.studio.wire import encode
 
 from .scenes import ball_on_floor
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from prelight.studio.protocol import FRAME_EXACT, PROTOCOL_VERSION, FrameHeader
+from prelight.studio.frames import FRAME_EXACT, FrameHeader
+from prelight.studio.protocol import PROTOCOL_VERSION
 
 BUILT = Path(__file__).resolve().parents[1] / "src/prelight/studio/web/built"
 POLICY = (
@@ -23,6 +24,9 @@ POLICY = (
 KINDS = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
 SKY = (256, 512)  # rows and columns of a sky that the page is given
 State = dict[str, Any]
+SUN = {
+    "latitude_deg": 43.7, "longitude_deg": 15.9, "date": "2026-06-21", "hour": 15.0, "zone": None, "turbidity": 2.5,
+}  # fmt: skip
 ROWS, COLUMNS = 6, 10
 STRAIGHT = {
     "name": "straight", "eye": (0.0, 0.0, 10.0), "target": (0.0, 0.0, 0.0), "up": (0.0, 1.0, 0.0),
@@ -50,7 +54,8 @@ def state(**changed: Any) -> State:
     """A rig as the page is told of it."""
     return {
         "sequence": 0, "author": None, "environment": "stock:noon", "rotation_deg": 0.0, "scale": 1.0,
-        "tint": [1.0, 1.0, 1.0], "discs": [], "stops": 0.0, **changed,
+        "tint": [1.0, 1.0, 1.0], "sun": SUN, "discs": [], "lamps": [], "glass": [], "stops": 0.0, "looks": [],
+        "undo": None, "redo": None, **changed,
     }  # fmt: skip
 
 
@@ -101,7 +106,8 @@ class StandIn:
             "textures": len(self.textures), "resolution": 64, "pixels": None, "eye": None,
             "cameras": self.cameras,
             "environments": [{"id": name, "title": f"the sky of {name}"} for name in self.environments],
-            "most_discs": 32, "state": {"type": "State", **self.state}, **self.welcome,
+            "takes": ["environment", "lamps"], "portals": [], "most_discs": 32, "most_lamps": 32,
+            "state": {"type": "State", **self.state}, **self.welcome,
         }  # fmt: skip
 
     def geometry(self) -> dict[str, np.ndarray]:
@@ -200,7 +206,13 @@ class StandIn:
         message.pop("dragging", None)
         if kind == "SetEnvironment":
             self.state |= {key: value for key, value in message.items() if value is not None}
-        else:
+        elif kind == "SetSun":
+            self.state |= {"environment": "daylight", "sun": message["sun"]}
+        elif kind in ("SetLamp", "RemoveLamp"):
+            name = message["lamp"]["id"] if kind == "SetLamp" else message["id"]
+            others = [lamp for lamp in self.state["lamps"] if lamp["id"] != name]
+            self.state["lamps"] = others + ([message["lamp"]] if kind == "SetLamp" else [])
+        elif kind in ("SetDisc", "RemoveDisc"):
             others = [disc for disc in self.state["discs"] if disc["id"] != message["id"]]
             self.state["discs"] = others + ([message] if kind == "SetDisc" else [])
         self.state |= {"sequence": self.state["sequence"] + 1, "author": self.sockets}

@@ -84,9 +84,9 @@ def test_every_control_sends_what_it_says(browser):
         (disc,) = studio.state["discs"]
         power = np.pi * disc["radiance"][1] * 4 * np.sin(np.radians(disc["radius_deg"] / 2)) ** 2
         assert power == pytest.approx(np.pi)  # a white surface that faces it has a radiance of one
-        visit.slide("Lights", "Strength", 1)
+        visit.slide("Lights in the sky", "Strength", 1)
         wait_for(lambda: studio.state["discs"][0]["radiance"][1] == pytest.approx(2 * disc["radiance"][1]))
-        visit.slide("Lights", "Softness", 1)
+        visit.slide("Lights in the sky", "Softness", 1)
         wait_for(lambda: studio.state["discs"][0]["softness"] == 1.0)
         dot = page.get_by_role("button", name="Light 1")
         dot.press("ArrowRight")

@@ -10,7 +10,7 @@ from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
 from prelight.relighting.relighter import Relighter
 from prelight.storage.bake import Bake
-from prelight.studio import environments, rig_state
+from prelight.studio import environments, kept, rig_state
 from prelight.studio.environments import Environments
 from prelight.studio.light import Light
 from prelight.studio.protocol import RemoveDisc, SetDisc, SetEnvironment, State
@@ -158,10 +158,10 @@ def test_nothing_is_disturbed_by_warming(light) -> None:
 
 def test_the_rig_survives_the_file(tmp_path) -> None:
     state = rig(SetEnvironment("stock:stage", 359.5, 0.25, (1.0, 0.5, 0.0)), LAMP, SUN, RemoveDisc("lamp"))
-    rig_state.save(state, tmp_path / "a.json")
-    kept = rig_state.load(tmp_path / "a.json", rig_state.initial("stock:noon"))
+    kept.save(state, tmp_path / "a.json")
+    found, _ = kept.load(tmp_path / "a.json", rig_state.initial("stock:noon"))
     for name in ("environment", "rotation_deg", "scale", "tint", "discs"):
-        assert getattr(kept, name) == getattr(state, name)
+        assert getattr(found, name) == getattr(state, name)
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
 
 
@@ -178,16 +178,16 @@ def test_the_rig_survives_the_file(tmp_path) -> None:
 def test_a_damaged_rig_is_refused_in_a_line(tmp_path, text) -> None:
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(InputError) as refused:
-        rig_state.load(tmp_path / "a.json", rig_state.initial("stock:noon"))
+        kept.load(tmp_path / "a.json", rig_state.initial("stock:noon"))
     assert str(refused.value).isprintable()
     assert "a.json" in str(refused.value)
 
 
 def test_the_rig_lies_beside_its_bake(tmp_path) -> None:
-    assert rig_state.state_file(tmp_path / "a.b.prelight") == tmp_path / "a.b.studio.json"
-    assert rig_state.state_file(tmp_path / "a.b") == tmp_path / "a.b.studio.json"
+    assert kept.state_file(tmp_path / "a.b.prelight") == tmp_path / "a.b.studio.json"
+    assert kept.state_file(tmp_path / "a.b") == tmp_path / "a.b.studio.json"
     with pytest.raises(OutputError):
-        rig_state.save(rig(), tmp_path / "none" / "a.json")
+        kept.save(rig(), tmp_path / "none" / "a.json")
 
 
 # ---- The maps to choose from -----------------------------------------------------------------------------------
@@ -204,7 +204,7 @@ def test_a_folder_offers_its_maps_and_nothing_outside(tmp_path) -> None:
     (inside / "link.exr").symlink_to(outside / "out.exr")
     (inside / "dir.exr").mkdir()
     known = Environments(folder=inside)
-    assert [c.id for c in known.choices if not c.id.startswith("stock:")] == ["in.exr"]
+    assert [c.id for c in known.choices if not c.id.startswith("stock:")] == ["in.exr", "daylight"]
     assert known.preview("in.exr").startswith(b"\x89PNG")
     assert not known._opened  # a folder of previews is not kept in memory
     assert known.open("in.exr").pixels.max() == 1

@@ -11,17 +11,30 @@ import pytest
 
 from prelight.errors import InputError
 from prelight.studio import protocol, rig_state, typescript
+from prelight.studio.frames import FrameHeader
 from prelight.studio.protocol import (
     ClientMessage,
-    FrameHeader,
+    Compare,
     Hello,
+    LampLight,
+    OpenRig,
+    PortalGlass,
+    Redo,
     RemoveDisc,
+    RemoveLamp,
+    RemoveLook,
+    SaveLook,
     Seen,
     SetDisc,
     SetEnvironment,
-    decode,
-    encode,
+    SetGlass,
+    SetLamp,
+    SetSun,
+    ShowLook,
+    Sun,
+    Undo,
 )
+from prelight.studio.wire import decode, encode
 
 MESSAGES = [
     Hello(1),
@@ -30,7 +43,13 @@ MESSAGES = [
     SetDisc("a-1", 12.0, -3.5, 4.0, (1.0, 2.0, 3.0), 0.5),
     RemoveDisc("a-1"),
     Seen(2**32 - 1),
-]
+    SetSun(Sun(-43.5, 170.0, "2026-12-21", 23.75, "Pacific/Auckland", 3.0), dragging=True),
+    SetLamp(LampLight("l", "Lampe «Ä»", "spot", False, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0), 80.0, 0.5, (1.0, 1.0, 1.0),
+                      0.0, 40.0, (0.5, 0.5))),
+    RemoveLamp("l"),
+    SetGlass(PortalGlass("rose", "frosted", None, 20.0, 0.5)),
+    Undo(), Redo(), SaveLook("One"), ShowLook("One"), RemoveLook("One"), Compare("One"), OpenRig("[environment]"),
+]  # fmt: skip
 
 
 NO_NUMBERS = ["NaN", "Infinity", "-Infinity", "1e39", "-1e39", "1e400", '"1"', "true", "null", "[1]", "{}", "[]",
@@ -59,6 +78,18 @@ OUT_OF_RANGE = {
     ],
     "id": ['""', '"../a"', '"a b"', '"<b>"', '"é"', '"' + "a" * 17 + '"', '"a\\u0000"', '"a\\n"', "1"],
 }
+
+
+LAMP = {
+    "id": "a", "name": "n", "kind": "lamp", "on": True, "position": [0, 1, 2], "target": [0, 0, 0], "strength": 1.0,
+    "dim": 1.0, "color": [1, 1, 1], "radius": 0.1, "beam_deg": 40.0, "size": [1, 1],
+}  # fmt: skip
+SUN = {"latitude_deg": 1, "longitude_deg": 2, "date": "2026-06-21", "hour": 3, "zone": None, "turbidity": 2.5}
+
+
+def words_of(plain: dict, field: str, value: str) -> str:
+    """The members of a JSON object, one of them as it is written."""
+    return ", ".join(f'"{k}": {value if k == field else json.dumps(v)}' for k, v in plain.items())
 
 
 def bad_messages() -> list[str]:
@@ -96,9 +127,33 @@ def bad_messages() -> list[str]:
         found.append(f'{{"type":"SetEnvironment","dragging":{n}}}')
     for kind in ("Welcome", "State", "_Message", "__class__", "setdisc", "SetEnvironment ", "eval"):
         found += [json.dumps({"type": kind}), json.dumps({"type": [kind]}), json.dumps({"kind": kind})]
+    for field, value in (
+        ("kind", '"disco"'), ("name", '""'), ("name", '"a\\u0000"'), ("position", "[1, 2]"),
+        ("position", "[1, 2, 1e9]"),
+        ("dim", "1.1"), ("beam_deg", "0"), ("radius", "-1"), ("size", "[0, 1]"), ("strength", "1e300"), ("on", "1"),
+        ("color", "[1, 1, NaN]"), ("id", '"../a"'), ("extra", "1"),
+    ):  # fmt: skip
+        found.append(f'{{"type":"SetLamp","lamp":{{{words_of(LAMP | {field: None}, field, value)}}}}}')
+    for field, value in (
+        ("hour", "24"),
+        ("date", '"21.6.2026"'),
+        ("latitude_deg", "91"),
+        ("zone", '"a b"'),
+        ("turbidity", "0"),
+    ):
+        found.append(f'{{"type":"SetSun","sun":{{{words_of(SUN | {field: None}, field, value)}}}}}')
+    for text in ('"glass":{}', '"glass":{"portal":"a","kind":"open","tint":null,"frost_deg":1,"blind":0}',
+                 '"glass":{"portal":"a","kind":"clear","tint":[2,1,1],"frost_deg":1,"blind":0}'):  # fmt: skip
+        found.append(f'{{"type":"SetGlass",{text}}}')
+    found += [
+        '{"type":"SaveLook","name":""}',
+        '{"type":"SaveLook","name":"' + "a" * 61 + '"}',
+        '{"type":"Undo","x":1}',
+    ]
+    found += ['{"type":"OpenRig","text":1}', '{"type":"Compare"}', '{"type":"ShowLook","name":"a\\nb"}']
     found += ["", " ", "null", "[]", "1", '"SetDisc"', "{", "}", '{"type":', "\x00", "\ufffd", "[" * 8000]
     found += ['{"a":' * 3000, '{"type":"SetEnvironment","extra":1}', '{"type":"RemoveDisc","id":"a","id2":1}']
-    found += ['{"type":"SetEnvironment","scale":1e}', "a" * 17000]
+    found += ['{"type":"SetEnvironment","scale":1e}', "a" * 66000]
     found += [json.dumps({"type": "SetEnvironment", "x" * 9000: 1})]
     return found
 

@@ -22,9 +22,11 @@ from prelight.errors import DamagedBakeError, OutputError
 from prelight.storage.bake import Bake
 from prelight.studio import hub
 from prelight.studio.environments import Environments
-from prelight.studio.protocol import FrameHeader, Hello, RemoveDisc, Seen, SetDisc, SetEnvironment, encode
+from prelight.studio.frames import FrameHeader
+from prelight.studio.protocol import Compare, Hello, RemoveDisc, SaveLook, Seen, SetDisc, SetEnvironment, Undo
 from prelight.studio.server import Served, Studio
 from prelight.studio.visitor import Allowance
+from prelight.studio.wire import encode
 
 from .live_studio import LiveStudio, Page, ball_bake, running
 from .test_studio_protocol import BAD
@@ -112,7 +114,7 @@ def test_all_see_the_same_and_so_after_a_restart(bake, tmp_path) -> None:
             assert third.exact(start + 2) == seen[0]
     with running(bake, state_file=file) as studio, studio.page() as again:
         state = again.message("Welcome")["state"]
-        volatile = ("sequence", "author", "stops")
+        volatile = ("sequence", "author", "stops", "undo", "redo")
         assert {k: v for k, v in state.items() if k not in volatile} == {
             k: v for k, v in told[0].items() if k not in volatile
         }
@@ -134,10 +136,10 @@ def test_a_damaged_rig_is_left_alone(bake, tmp_path) -> None:
 
 
 def test_a_map_that_is_gone_is_noted(bake, tmp_path) -> None:
-    from prelight.studio import rig_state
+    from prelight.studio import kept, rig_state
 
     state = rig_state.changed(rig_state.initial("gone.hdr"), LAMP, author=None)
-    rig_state.save(state, tmp_path / "a.json")
+    kept.save(state, tmp_path / "a.json")
     with running(bake, state_file=tmp_path / "a.json") as studio, studio.page() as page:
         kept = page.message("Welcome")["state"]
         assert (kept["environment"], len(kept["discs"])) == ("stock:sunset", 1)
@@ -363,3 +365,28 @@ def test_the_page_waits_for_no_compiler() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert run.stdout.split() == ["False", "False"]
+
+
+def test_the_rig_is_behind_the_door_and_looks_are_sent_aside(bake, tmp_path) -> None:
+    with running(bake, state_file=tmp_path / "s.json") as studio, studio.page() as page:
+        assert studio.request("GET", "/rig.toml", cookie=None).status == 401
+        start = sequence_of(page)
+        page.send(SaveLook("One"))
+        page.send(SetEnvironment(scale=0.0))
+        dark = page.exact(start + 2)
+        assert not any(dark)
+        answer = studio.request("GET", "/rig.toml")
+        assert answer.status == 409
+        assert b"nothing shines" in answer.content  # type: ignore[attr-defined]
+        page.send(Compare("One"))
+        compared = page.message("Compared")
+        assert (compared["look"], compared["light"]["scale"]) == ("One", 1.0)
+        aside = page.until(lambda got: isinstance(got, FrameHeader) and got.flags == 3)
+        data = page.frames[-1][1][32:]
+        assert aside.count * 4 == len(data)
+        assert any(data)
+        page.send(Undo())
+        assert page.exact(start + 3) == data
+        assert b'map = "stock:' in studio.get("/rig.toml")
+        page.send(Compare("Two"))
+        assert "Two" in page.message("Refused")["reason"]

@@ -22,17 +22,17 @@ import websockets
 
 import prelight as pl
 from prelight.scene.normals import vertex_normals
+from prelight.studio.frames import FrameHeader
 from prelight.studio.protocol import (
     PROTOCOL_VERSION,
     ClientMessage,
-    FrameHeader,
     Hello,
     RemoveDisc,
     Seen,
     SetDisc,
     SetEnvironment,
-    encode,
 )
+from prelight.studio.wire import encode
 
 SIDE = 317  # 100,489 vertices
 RATE = 100  # changes a second: a quick pointer's

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -78,3 +79,44 @@ def lamps(
         printing.say(f"note: {cut:,} lights have a range, beyond which they would be dark; light knows none")
     words = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     printing.say(f"{target}: {words}")
+
+
+@app.command
+def new(
+    bake: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write a rig to begin with for a bake: what its layers can be lit by, each key with a comment.
+
+    Parameters
+    ----------
+    bake
+        NAME.prelight.
+    output
+        The rig; NAME.toml beside you if not given.
+    force
+        Replace the output.
+    json
+        Print one JSON object on standard output.
+    """
+    from ..files import publish, refuse_existing
+    from ..lighting.rig import Rig
+    from ..relighting.new_rig import new_rig
+    from ..storage.bake import Bake
+
+    opened = Bake.open(bake)
+    target = output or Path(f"{opened.path.name.removesuffix('.prelight')}.toml")
+    if target.suffix.lower() != ".toml":
+        raise InputError(target, "expected a name ending in .toml")
+    refuse_existing(target, force=force)
+    publish(target, new_rig(opened).encode())
+    Rig.open(str(target))
+    if json:
+        printing.say_json({"output": str(target), "bake": str(bake)})
+        return
+    told = f"prelight relight {shlex.quote(str(bake))} {shlex.quote(str(target))} -o picture.png"
+    printing.say(f"{target}: change it, then {told}")

@@ -70,11 +70,11 @@ def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) ->
     from ..storage.bake import Bake
 
     path = Path(source)
+    from ..studio.kinds import vertex_kinds
+
     if path.is_dir() or path.suffix == ".prelight":
         bake = Bake.open(path)
-        if all(layer.kind != "environment" for layer in bake.layers.values()):
-            what = "has no environment layer, which is what the studio shows; light its lamps with prelight relight"
-            raise InputError(path, what)
+        vertex_kinds(bake)  # says so where nothing in it can be shown
         return bake
     with printing.waiting("reading the scene"):
         from ..baking.environment import bake_planned
@@ -106,7 +106,7 @@ def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) ->
 
 def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, json: bool = False) -> None:
     """The studio of a bake until Ctrl-C."""
-    from ..studio.rig_state import state_file
+    from ..studio.kept import state_file
     from ..studio.server import Served, Studio
 
     def note(text: str) -> None:

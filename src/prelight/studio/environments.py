@@ -12,6 +12,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,18 @@ from ..bases import cube_map
 from ..errors import InputError
 from ..files import Resolver
 from ..images.tonemap import tonemap
+from ..lighting.daylight import Daylight
 from ..lighting.environment import STOCK_PREFIX, Environment
+from ..lighting.moment import Site, date_of, moment_of
 from ..lighting.rig import Rig
 from ..lighting.sky import STOCK_SKIES
-from .protocol import EnvironmentChoice
+from .protocol import EnvironmentChoice, Sun
 
 MAP_SUFFIXES = (".hdr", ".exr")
 _FIRST = STOCK_PREFIX + "sunset"
+DAYLIGHT = "daylight"  # the choice; of a place, a day and an hour it is ``daylight_id``
+_DAYLIGHT_TITLE = "Daylight: sun and clear sky of a place and an hour"
+_KEPT_HOURS = 8
 _MOST_MAPS = 200
 _KEPT_BYTES = 1_000_000_000  # of opened maps
 _SKY = (256, 512)  # rows and columns of what is shown behind the scene
@@ -58,7 +64,9 @@ class Environments:
             self._add(_id_of(source, self._sources), source, title=Path(source).name)
         for name, sky in STOCK_SKIES.items():
             self._add(STOCK_PREFIX + name, STOCK_PREFIX + name, title=f"{name.capitalize()}: {sky.title}")
+        self._titles[DAYLIGHT] = _DAYLIGHT_TITLE
         self._opened: OrderedDict[str, Environment] = OrderedDict()
+        self._hours: OrderedDict[str, Environment] = OrderedDict()
         self._stops: dict[str, float] = {}
         self._previews: dict[str, bytes] = {}
         self._opening = threading.Lock()  # one at a time: each may be hundreds of megabytes
@@ -67,7 +75,7 @@ class Environments:
         self._sources[key], self._titles[key] = source, title
 
     def __contains__(self, key: object) -> bool:
-        return key in self._sources
+        return key in self._titles or is_daylight(key)
 
     @property
     def first(self) -> str:
@@ -78,10 +86,32 @@ class Environments:
     @property
     def choices(self) -> tuple[EnvironmentChoice, ...]:
         """All, those named first in front."""
-        return tuple(EnvironmentChoice(key, self._titles[key]) for key in self._sources)
+        return tuple(EnvironmentChoice(key, title) for key, title in self._titles.items())
+
+    def source(self, key: str) -> str:
+        """What a rig file calls a map: its file, from the root, or a name of our own. Raises InputError for no map."""
+        if key not in self._sources:
+            raise InputError("environment", f"{key[:80]!r} is not a map")
+        source = self._sources[key]
+        if source.lower().endswith(".toml"):
+            raise InputError(
+                "environment", f"{key[:80]!r} is a rig file itself; choose the map that it names"
+            )
+        return source if source.startswith(STOCK_PREFIX) else str(Path(source).resolve())
+
+    def key_of(self, source: str) -> str:
+        """The id of what a rig file calls so, by its name. Raises InputError if it is not among the choices."""
+        named = [key for key, known in self._sources.items() if known == source]
+        named += [key for key, known in self._sources.items() if Path(known).name == Path(source).name]
+        if not named:
+            reason = "is not among the maps of this studio; name it on the command line when you start it"
+            raise InputError("environment", f"{source[:80]!r} {reason}")
+        return named[0]
 
     def open(self, key: str) -> Environment:
         """The environment of an id. Raises InputError if there is none, or its file cannot be read."""
+        if is_daylight(key):
+            return self._daylight(key)
         if (known := self._opened.get(key)) is not None:
             return known  # without waiting for another map that is being read
         with self._opening:
@@ -91,13 +121,25 @@ class Environments:
                 self._opened.popitem(last=False)
             return environment
 
+    def _daylight(self, key: str) -> Environment:
+        with self._opening:
+            if key not in self._hours:
+                self._hours[key] = daylight_of(key).environment()
+                while len(self._hours) > _KEPT_HOURS:
+                    self._hours.popitem(last=False)
+            return self._hours[key]
+
     def _read(self, key: str) -> Environment:
+        if is_daylight(key):
+            return daylight_of(key).environment()
         if key not in self._sources:
             raise InputError("environment", f"{key[:80]!r}, expected one of {', '.join(self._sources)}")
         return self._opened.get(key) or Rig.open(self._sources[key]).environment
 
     def stops(self, key: str) -> float:
         """The exposure that suits a map by itself: a white surface that faces its light best shows as one."""
+        if is_daylight(key):
+            return suitable_stops(self.open(key))  # an hour passes: none is kept
         if key not in self._stops:
             # Our own are painted for it.
             self._stops[key] = 0.0 if key.startswith(STOCK_PREFIX) else suitable_stops(self.open(key))
@@ -105,12 +147,49 @@ class Environments:
 
     def preview(self, key: str) -> bytes:
         """A small picture of a map, PNG. It is read for that, one map at a time, and not kept open."""
+        if is_daylight(key):
+            return preview_png(self.open(key), self.stops(key))
         with self._opening:
             if key not in self._previews:
                 environment = self._read(key)
                 stops = 0.0 if key.startswith(STOCK_PREFIX) else suitable_stops(environment)
                 self._previews[key] = preview_png(environment, stops)
             return self._previews[key]
+
+
+def daylight_id(sun: Sun) -> str:
+    """The id of the sky of a place, a day and an hour."""
+    where = f"{sun.latitude_deg:.6g},{sun.longitude_deg:.6g}"
+    return f"{DAYLIGHT}:{where},{sun.date},{sun.hour:.6g},{sun.turbidity:.6g},{sun.zone or ''}"
+
+
+def is_daylight(key: object) -> bool:
+    """Whether it is such an id; it may still be wrong."""
+    return isinstance(key, str) and key.startswith(DAYLIGHT + ":")
+
+
+def daylight_of(key: str, *, north_deg: float = 0.0, scale: float = 1.0) -> Daylight:
+    """The sun and the sky of such an id. Raises InputError for what is no place, day or hour."""
+    parts = key.removeprefix(DAYLIGHT + ":").split(",")
+    if len(parts) != 6 or len(key) > 200:
+        raise InputError(
+            "daylight", f"{key[:80]!r}, expected latitude, longitude, date, hour, turbidity and zone"
+        )
+    try:
+        latitude, longitude, hour, turbidity = (float(parts[i]) for i in (0, 1, 3, 4))
+    except ValueError:
+        raise InputError("daylight", f"{key[:80]!r}: expected numbers") from None
+    place = Site(latitude, longitude)
+    when = moment_of("hour", clock(parts[2], hour), place=place, zone=parts[5] or None)
+    return Daylight(place, when, turbidity=turbidity, north_deg=north_deg, scale=scale)
+
+
+def clock(day: str, hour: float) -> str:
+    """``2026-06-21T15:30:00`` of a day and its hours. Raises InputError for no day, no hour."""
+    if not 0 <= hour <= 24:
+        raise InputError("hour", f"{hour:g}, expected 0 to 24")
+    date = date_of("date", day)
+    return f"{date.isoformat()}T{timedelta(seconds=min(int(hour * 3600 + 0.5), 86_399))!s:0>8}"
 
 
 def _id_of(source: str, known: dict[str, str]) -> str:

@@ -12,24 +12,30 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import InputError, PrelightError
 from .environments import Environments
+from .history import Looks
+from .kept import load, save, without_map
 from .protocol import (
     MOST_DISCS,
+    MOST_LAMPS,
     PROTOCOL_VERSION,
     ClientMessage,
+    Compare,
     Hello,
     Refused,
     Seen,
     ServerMessage,
     SetEnvironment,
+    SetGlass,
     State,
     Waiting,
     Welcome,
-    decode,
 )
-from .rig_state import initial, load, save
-from .session import Frame, Listener, Session
+from .rig_state import initial, sky_id
+from .rig_toml import rig_text
+from .session import Aside, Frame, Listener, Session
 from .shown import Shown
 from .visitor import Visitor
+from .wire import decode
 
 MOST_VISITORS = 30
 _HELLO_WITHIN = 5.0  # seconds
@@ -67,26 +73,35 @@ class Hub:
         self._frame: Frame | None = None
         self._waiting: str | None = None
         self._saving: asyncio.Task[None] | None = None
-        self._saved = self._first_state()
-        self._session = Session(shown.bake, environments, state=self._saved, listener=self._listener())
+        self._saved, looks = self._first_state()
+        self._session = Session(
+            shown.bake, environments, state=self._saved, looks=looks, listener=self._listener()
+        )
 
-    def _first_state(self) -> State:
+    def _first_state(self) -> tuple[State, Looks]:
         """What is kept of the last visit, or the first map as it is."""
         start = initial(self._environments.first)
         if self._file is None or not self._file.exists():
-            return start
+            return start, ()
         try:
-            kept = load(self._file, start)
+            kept, looks = load(self._file, start)
         except InputError as error:
             self._note(f"{error}; it is left as it is, and the rig is not kept this time")
             self._file = None
-            return start
-        if kept.environment not in self._environments:
+            return start, ()
+        known = [choice.id for choice in self._environments.choices]
+        if kept.environment not in known:
             self._note(
                 f"the environment {kept.environment!r} of the last visit is not there; name its map again"
             )
-            kept = replace(kept, environment=start.environment)
-        return kept
+        first = start.environment
+        kept_looks = tuple((name, without_map(look, known, first=first)) for name, look in looks)
+        return without_map(kept, known, first=first), kept_looks
+
+    def rig(self) -> str:
+        """The light as a rig file. Raises InputError for what no file can say. Safe from any thread."""
+        name = self._shown.bake.manifest.scene.name
+        return rig_text(self._session.state, self._environments, takes=self._shown.takes, title=name)
 
     def start(self) -> None:
         """Begin, on the running event loop."""
@@ -112,6 +127,7 @@ class Hub:
 
         return Listener(
             frame=on_loop(self._show),
+            aside=on_loop(self._show_aside),
             waiting=on_loop(self._wait),
             stops=on_loop(self._tell_all),
             refused=on_loop(lambda error: self._tell_all(Refused("State", str(error)))),
@@ -123,6 +139,11 @@ class Hub:
         for visitor in self._visitors:
             visitor.show(frame)
         self._look_for_room()
+
+    def _show_aside(self, aside: Aside) -> None:
+        for visitor in self._visitors:
+            if visitor.number == aside.visitor:
+                visitor.show_aside(aside)
 
     def _wait(self, reason: str | None) -> None:
         self._waiting = reason
@@ -191,7 +212,9 @@ class Hub:
 
     async def _welcome(self, visitor: Visitor) -> Welcome:
         shown = self._shown
-        cameras, eye, pixels = await asyncio.to_thread(lambda: (shown.cameras, shown.eye, shown.pixels))
+        cameras, eye, pixels, takes, portals = await asyncio.to_thread(
+            lambda: (shown.cameras, shown.eye, shown.pixels, shown.takes, shown.portals)
+        )
         return Welcome(
             version=PROTOCOL_VERSION,
             visitor=visitor.number,
@@ -205,7 +228,10 @@ class Hub:
             eye=eye,
             cameras=cameras,
             environments=self._environments.choices,
+            takes=takes,
+            portals=portals,
             most_discs=MOST_DISCS,
+            most_lamps=MOST_LAMPS,
             state=self._session.state,
         )
 
@@ -230,14 +256,24 @@ class Hub:
         try:
             if isinstance(message, Hello | Seen):
                 raise InputError("Hello", "said already; expected once, as the first message")
+            if isinstance(message, SetGlass) and message.glass.portal not in [
+                portal.name for portal in self._shown.portals
+            ]:
+                raise InputError("SetGlass.portal", f"{message.glass.portal[:60]!r} is none of this bake's")
+            if isinstance(message, Compare):
+                self._session.compare(message.look, visitor=visitor.number)
+                return
             if isinstance(message, SetEnvironment) and message.environment is not None:
-                await asyncio.to_thread(self._environments.open, message.environment)  # or it is not accepted
+                await asyncio.to_thread(self._open_map, message.environment)  # or it is not accepted
             state = self._session.change(message, author=visitor.number)
         except InputError as error:
             visitor.tell(Refused(type(message).__name__, str(error)))
             return
         self._tell_all(state)
         self._save_soon()
+
+    def _open_map(self, key: str) -> None:
+        self._environments.open(sky_id(replace(self._session.state, environment=key)))
 
     # ---- Keeping the rig ---------------------------------------------------------------------------------
 
@@ -254,7 +290,7 @@ class Hub:
         if self._file is None or state.sequence == self._saved.sequence:
             return
         try:
-            save(state, self._file)
+            save(state, self._file, looks=self._session.looks)
             self._saved = state
         except PrelightError as error:
             self._file = None

@@ -8,6 +8,7 @@ which depends on the state alone: every sum is made anew, in one order.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,12 +23,26 @@ from ..relighting.relighter import Relighter
 from ..relighting.strong_lights import StrongLights, strong_discs
 from ..storage.bake import Bake
 from .environments import Environments, small
-from .protocol import HEADER_BYTES, MOST_DISCS, State
+from .frames import HEADER_BYTES
+from .protocol import MOST_DISCS, LayerPace, State
 from .rgb9e5_kernels import pack
-from .rig_state import lit_discs
+from .rig_state import lit_discs, sky_id
 
 _COARSE_RESOLUTION = 48  # R of a map while it is turned
 _TRACED_AT_ONCE = 4  # strong lights between two looks at whether the light is still wanted
+
+
+class Packer:
+    """Light into radiance frames: sky · gain + discs, (rows, 3) each; the header is left empty."""
+
+    def __init__(self) -> None:
+        self._pack = Pace(pack)
+
+    def __call__(self, sky: Radiance, gain: Float32[np.ndarray, "3"], discs: Radiance) -> bytearray:
+        data = bytearray(HEADER_BYTES + 4 * len(sky))
+        words = np.frombuffer(data, np.uint32, offset=HEADER_BYTES)
+        self._pack(28 * len(sky), sky, gain, discs, words, numba.get_num_threads())
+        return data
 
 
 @dataclass(frozen=True)
@@ -61,11 +76,18 @@ class Light:
         self._map: Lit | None = None
         self._small: tuple[str, Environment] | None = None
         self._discs = Lit((), self._no_light, True)
-        self._pack = Pace(pack)
+        self._name = self._sky.layer_name
+        self._packer = Packer()
+        self._layers: tuple[LayerPace, ...] = ()
 
     @property
     def rows(self) -> int:
         return len(self._no_light)
+
+    @property
+    def layers(self) -> tuple[LayerPace, ...]:
+        """What the layer did at the last ``relight``."""
+        return self._layers
 
     def relight(self, state: State, *, exact: bool, check: Callable[[], None]) -> tuple[bool, str, int]:
         """Make the light that of a state: whether it is exact now, how it was made, how many lights are traced.
@@ -73,8 +95,8 @@ class Light:
         ``check`` is called now and then, and may raise to give up; what is there stays. Without ``exact`` what is
         there of an exact light is kept, where it is of this state.
         """
-        how = "gain"
-        key = state.environment, state.rotation_deg
+        began, how = time.perf_counter(), "gain"
+        key = sky_id(state), state.rotation_deg
         known = self._map is not None and self._map.key == key
         if not known or (exact and not (self._map and self._map.exact)):
             self._map = self._exact_map(*key, check=check) if exact else self._coarse_map(*key)
@@ -84,21 +106,23 @@ class Light:
             self._discs = self._exact_discs(discs, check=check) if exact else self._coarse_discs(discs)
             how = "full" if how == "full" else "local"
         assert self._map is not None
+        took = round((time.perf_counter() - began) * 1e3, 2)
+        self._layers = (LayerPace(self._name, "environment", how, took),)
         return self._map.exact and self._discs.exact, how, self._map.strong + self._discs.strong
 
-    def frame(self, state: State) -> bytearray:
-        """The light that is there, times the state's gain, as a radiance frame; its header is left empty."""
-        data = bytearray(HEADER_BYTES + 4 * self.rows)
-        words = np.frombuffer(data, np.uint32, offset=HEADER_BYTES)
+    def frame(self, state: State, *, beside: Radiance | None = None) -> bytearray:
+        """The light that is there, times the state's gain, as a radiance frame; its header is left empty.
+
+        ``beside`` (rows, 3) is added: what other layers bring.
+        """
         gain = (state.scale * np.array(state.tint)).astype(np.float32)
         assert self._map is not None
-        lit = self._map.irradiance, gain, self._discs.irradiance
-        self._pack(28 * self.rows, *lit, words, numba.get_num_threads())
-        return data
+        discs = self._discs.irradiance
+        return self._packer(self._map.irradiance, gain, discs if beside is None else discs + beside)
 
     def warm(self, state: State) -> None:
         """Do once what the first drag would wait for. What is lit stays as it is."""
-        self._small_map(state.environment)
+        self._small_map(sky_id(state))
         glimmer = Disc((0.0, 1.0, 0.0), 20.0, (1.0, 1.0, 1.0))
         known = self._front.environment
         for discs in ((*known.discs, glimmer), known.discs):

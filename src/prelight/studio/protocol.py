@@ -1,64 +1,121 @@
-"""Every message between the studio and its page, in one file; ``typescript`` makes the page's half from it.
+"""Every message between the studio and its page, in one file; ``typescript`` makes the page's half, ``wire`` JSON.
 
-Text frames are JSON objects ``{"type": NAME, …fields}``; binary frames are radiance (``FrameHeader``). The page
+Text frames are JSON objects ``{"type": NAME, …fields}``; binary frames are radiance (``frames``). The page
 speaks first (``Hello``), the studio answers with ``Welcome``; those of two versions do not talk (close code 1002).
 A message with a redundancy key replaces an unsent one of the same key: what is dragged never makes a queue.
 """
 
 from __future__ import annotations
 
-import json
-import struct
-from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
-from typing import Annotated, Any, ClassVar, NamedTuple, get_args
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError
+from pydantic import ConfigDict, Field, StringConstraints
 
-from ..errors import InputError
-from ..lighting.regions import LARGEST_RADIUS_DEG, SMALLEST_RADIUS_DEG
+from ..lighting.daylight import HIGHEST_TURBIDITY, LOWEST_TURBIDITY
+from ..lighting.glass import LARGEST_FROST_DEG
+from ..lighting.placed_lights import LARGEST_RADIUS
+from .fields import (
+    Azimuth,
+    DiscId,
+    Elevation,
+    Flag,
+    Metres,
+    Name,
+    Number,
+    Radiance,
+    Radius,
+    Scale,
+    Share,
+    Side,
+    Strength,
+    Tint,
+    Title,
+    Turn,
+    Whole,
+)
 
-PROTOCOL_VERSION = 1
-LARGEST_MESSAGE = 16_384  # bytes of text from a page
-MOST_DISCS = 32
+PROTOCOL_VERSION = 2
+LARGEST_MESSAGE = 65_536  # bytes of text from a page: a whole rig file
+MOST_DISCS, MOST_LAMPS, MOST_LOOKS, MOST_PORTALS = 32, 32, 32, 200
 FRAMES_IN_FLIGHT = 2  # sent to a page and not yet seen by it
 
-LARGEST_SCALE, LARGEST_TINT, LARGEST_RADIANCE = 1e6, 1e3, 1e7
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
-Scale = Annotated[Number, Field(ge=0, le=LARGEST_SCALE)]
-Tint = Annotated[Number, Field(ge=0, le=LARGEST_TINT)]
-Radiance = Annotated[Number, Field(ge=0, le=LARGEST_RADIANCE)]
-Azimuth = Annotated[Number, Field(ge=-360, le=360)]
-Elevation = Annotated[Number, Field(ge=-90, le=90)]
-Radius = Annotated[Number, Field(ge=SMALLEST_RADIUS_DEG, le=LARGEST_RADIUS_DEG)]
-Share = Annotated[Number, Field(ge=0, le=1)]
-Whole = Annotated[int, Field(strict=True, ge=0, lt=2**32)]
-Flag = Annotated[bool, Field(strict=True)]
-DiscId = Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_-]{1,16}$")]
-Name = Annotated[str, StringConstraints(strict=True, min_length=1, max_length=300)]
-
-
-class _Message:
+class Message:
     """A message; those of a redundancy key replace each other while they wait."""
 
     redundancy_key: ClassVar[str | None] = None
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
 
+# ---- What both speak of ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LampLight:
+    """A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot.
+
+    ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    id: DiscId
+    name: Title
+    kind: Literal["lamp", "spot", "panel"]
+    on: Flag
+    position: tuple[Metres, Metres, Metres]
+    target: tuple[Metres, Metres, Metres]
+    strength: Strength
+    dim: Share
+    color: tuple[Tint, Tint, Tint]
+    radius: Annotated[Number, Field(ge=0, le=LARGEST_RADIUS)]
+    beam_deg: Annotated[Number, Field(ge=2, le=160)]
+    size: tuple[Side, Side]
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Where and when it is, for the environment "daylight": hours of the zone's clock, without one mean solar time."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    latitude_deg: Annotated[Number, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[Number, Field(ge=-180, le=180)]
+    date: Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$")]
+    hour: Annotated[Number, Field(ge=0, lt=24)]
+    zone: Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_+/-]{1,60}$")] | None
+    turbidity: Annotated[Number, Field(ge=LOWEST_TURBIDITY, le=HIGHEST_TURBIDITY)]
+
+
+@dataclass(frozen=True)
+class PortalGlass:
+    """The glass of a portal: ``tint`` is what it lets through, null as built; ``blind`` the share that is covered.
+
+    ``frost_deg`` is by how much frosted glass turns light.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    portal: Name
+    kind: Literal["clear", "frosted", "shut"]
+    tint: tuple[Share, Share, Share] | None
+    frost_deg: Annotated[Number, Field(ge=0, le=LARGEST_FROST_DEG)]
+    blind: Share
+
+
 # ---- The page to the studio ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Hello(_Message):
+class Hello(Message):
     """The first message: the version of the protocol that the page was made for."""
 
     version: Whole
 
 
 @dataclass(frozen=True)
-class SetEnvironment(_Message):
+class SetEnvironment(Message):
     """Change what is given of the environment: which map, its turn, scale and tint. ``dragging``: more will come."""
 
     environment: Name | None = None
@@ -69,7 +126,7 @@ class SetEnvironment(_Message):
 
 
 @dataclass(frozen=True)
-class SetDisc(_Message):
+class SetDisc(Message):
     """Light a disc, or change the one of this id: all of it. Directions are the scene's, as in a rig file."""
 
     id: DiscId
@@ -82,20 +139,100 @@ class SetDisc(_Message):
 
 
 @dataclass(frozen=True)
-class RemoveDisc(_Message):
+class RemoveDisc(Message):
     """Put out a disc."""
 
     id: DiscId
 
 
 @dataclass(frozen=True)
-class Seen(_Message):
+class SetSun(Message):
+    """Change place, day or hour: all of it. The environment becomes "daylight"."""
+
+    sun: Sun
+    dragging: Flag = False
+
+
+@dataclass(frozen=True)
+class SetLamp(Message):
+    """Put up a lamp, or change the one of this id: all of it."""
+
+    lamp: LampLight
+    dragging: Flag = False
+
+
+@dataclass(frozen=True)
+class RemoveLamp(Message):
+    """Take down a lamp."""
+
+    id: DiscId
+
+
+@dataclass(frozen=True)
+class SetGlass(Message):
+    """Change the glass of a portal, one of ``Welcome.portals``: all of it."""
+
+    glass: PortalGlass
+    dragging: Flag = False
+
+
+@dataclass(frozen=True)
+class Undo(Message):
+    """Take back the last change, whoever made it."""
+
+
+@dataclass(frozen=True)
+class Redo(Message):
+    """Make the change again that was taken back last."""
+
+
+@dataclass(frozen=True)
+class SaveLook(Message):
+    """Keep the light as it is under a name; one that is known is replaced."""
+
+    name: Title
+
+
+@dataclass(frozen=True)
+class ShowLook(Message):
+    """Light as it was kept under a name."""
+
+    name: Title
+
+
+@dataclass(frozen=True)
+class RemoveLook(Message):
+    """Forget what is kept under a name."""
+
+    name: Title
+
+
+@dataclass(frozen=True)
+class Compare(Message):
+    """Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame."""
+
+    look: Title
+
+
+@dataclass(frozen=True)
+class OpenRig(Message):
+    """Light as a rig file says (TOML, docs/rig.md), as far as a page can show it."""
+
+    text: Annotated[str, StringConstraints(strict=True, max_length=60_000)]
+
+
+@dataclass(frozen=True)
+class Seen(Message):
     """A radiance frame has arrived, and the next may be sent."""
 
     frame: Whole
 
 
-ClientMessage = Hello | SetEnvironment | SetDisc | RemoveDisc | Seen
+Change = (
+    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
+    | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
+)  # fmt: skip
+ClientMessage = Hello | Change | Compare | Seen
 
 
 # ---- The studio to the page ------------------------------------------------------------------------------------
@@ -110,6 +247,14 @@ class CameraView:
     target: tuple[float, float, float]
     up: tuple[float, float, float]
     vertical_fov_deg: float
+
+
+@dataclass(frozen=True)
+class PortalView:
+    """A portal, and what its glass lets through as built."""
+
+    name: str
+    tint: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -133,10 +278,11 @@ class DiscLight:
 
 
 @dataclass(frozen=True)
-class State(_Message):
+class State(Message):
     """The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made.
 
-    ``stops``: the exposure that suits the map by itself; null until it has been opened.
+    ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what
+    these would do, in words; null: nothing. ``looks``: the names of what is kept.
     """
 
     redundancy_key: ClassVar[str | None] = "state"
@@ -146,16 +292,24 @@ class State(_Message):
     rotation_deg: float
     scale: float
     tint: tuple[float, float, float]
+    sun: Sun
     discs: tuple[DiscLight, ...]
+    lamps: tuple[LampLight, ...]
+    glass: tuple[PortalGlass, ...]
     stops: float | None
+    looks: tuple[str, ...] = ()
+    undo: str | None = None
+    redo: str | None = None
 
 
 @dataclass(frozen=True)
-class Welcome(_Message):
+class Welcome(Message):
     """The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands.
 
     ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of
     the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed.
+    ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set;
+    the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1.
     """
 
     version: int
@@ -170,12 +324,15 @@ class Welcome(_Message):
     eye: str | None
     cameras: tuple[CameraView, ...]
     environments: tuple[EnvironmentChoice, ...]
+    takes: tuple[Literal["environment", "lamps", "glass"], ...]
+    portals: tuple[PortalView, ...]
     most_discs: int
+    most_lamps: int
     state: State
 
 
 @dataclass(frozen=True)
-class Refused(_Message):
+class Refused(Message):
     """A message of the page that was not obeyed, and why, in one line; nothing has changed."""
 
     message: str
@@ -183,7 +340,16 @@ class Refused(_Message):
 
 
 @dataclass(frozen=True)
-class Waiting(_Message):
+class Compared(Message):
+    """The light of a look, whose frame (``FRAME_ASIDE``) comes next."""
+
+    redundancy_key: ClassVar[str | None] = "compared"
+    look: str
+    light: State
+
+
+@dataclass(frozen=True)
+class Waiting(Message):
     """What the studio is busy with before the first picture; null: nothing any more."""
 
     redundancy_key: ClassVar[str | None] = "waiting"
@@ -191,7 +357,17 @@ class Waiting(_Message):
 
 
 @dataclass(frozen=True)
-class Pace(_Message):
+class LayerPace:
+    """What a layer did for the last frame: how ("full", "local", "gain", …), and how long it took."""
+
+    name: str
+    kind: str
+    how: str
+    ms: float
+
+
+@dataclass(frozen=True)
+class Pace(Message):
     """How fast it goes: the last frame's relighting, its bytes, and frames a second sent to this page of late."""
 
     redundancy_key: ClassVar[str | None] = "pace"
@@ -201,99 +377,7 @@ class Pace(_Message):
     strong_lights: int
     bytes: int
     updates_per_second: float
+    layers: tuple[LayerPace, ...]
 
 
-ServerMessage = Welcome | State | Refused | Waiting | Pace
-
-
-# ---- Radiance frames -------------------------------------------------------------------------------------------
-
-FRAME_MAGIC = 0x31524C50  # "PLR1"
-FRAME_EXACT = 1  # flag: the exact light, until something changes; otherwise a first answer
-HEADER_BYTES = 32
-_HEADER = struct.Struct("<IIIIfI8x")
-
-
-class FrameHeader(NamedTuple):
-    """The first 32 bytes of a binary frame, little-endian; then ``count`` uint32 rgb9e5, one for each row.
-
-    uint32 magic, frame, sequence (of the state), count; float32 milliseconds; uint32 flags; 8 bytes of zeros.
-    """
-
-    frame: int
-    sequence: int
-    count: int
-    milliseconds: float
-    flags: int
-
-    def write(self, into: bytearray | memoryview) -> None:
-        """Fill the first 32 bytes."""
-        _HEADER.pack_into(into, 0, FRAME_MAGIC, *self)
-
-    @classmethod
-    def read(cls, data: bytes | memoryview) -> FrameHeader:
-        """Raises InputError unless ``data`` is a whole frame."""
-        if len(data) >= HEADER_BYTES:
-            magic, *fields = _HEADER.unpack_from(data)
-            header = cls(*fields)
-            if magic == FRAME_MAGIC and len(data) == HEADER_BYTES + 4 * header.count:
-                return header
-        raise InputError("frame", f"{len(data)} bytes that are no whole radiance frame")
-
-
-# ---- To text and back ------------------------------------------------------------------------------------------
-
-
-def encode(message: ServerMessage | ClientMessage) -> str:
-    """The JSON text of a message."""
-    return json.dumps(_plain(message), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Messages, also those inside others, as objects with a type."""
-    if isinstance(value, tuple):
-        return [_plain(part) for part in value]
-    if not is_dataclass(value):
-        return value
-    named = {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-    return {"type": type(value).__name__, **named} if isinstance(value, _Message) else named
-
-
-def decode(text: str) -> ClientMessage:
-    """A message of a page. Raises InputError, naming the message and the field, for whatever it is not."""
-    if len(text) > LARGEST_MESSAGE:
-        raise InputError("message", f"{len(text):,} characters, at most {LARGEST_MESSAGE:,} are read")
-    try:
-        given = json.loads(text, parse_constant=_no_constant)
-    except (ValueError, RecursionError):
-        raise InputError("message", "not JSON (numbers are finite)") from None
-    if not isinstance(given, dict):
-        raise InputError("message", f"a {type(given).__name__}, expected an object with a type")
-    name = given.pop("type", None)
-    readers = _readers()
-    if not isinstance(name, str) or name not in readers:
-        raise InputError("message", f"type {str(name)[:40]!r}, expected one of {', '.join(readers)}")
-    try:
-        return readers[name].validate_python(given)
-    except ValidationError as error:
-        raise _refusal(name, error) from None
-
-
-def _no_constant(name: str) -> None:
-    raise ValueError(name)
-
-
-@cache
-def _readers() -> dict[str, TypeAdapter[Any]]:
-    return {kind.__name__: TypeAdapter(kind) for kind in get_args(ClientMessage)}
-
-
-def _refusal(name: str, error: ValidationError) -> InputError:
-    """The first thing that is wrong, in one line."""
-    first = error.errors(include_url=False, include_context=False)[0]
-    field = ".".join(str(part) for part in first["loc"]) or "message"
-    try:
-        given = repr(first["input"])[:60]
-    except ValueError:  # a whole number of thousands of digits
-        given = "a number too large"
-    return InputError(f"{name}.{field[:60]}", f"{given}: {first['msg'][:120]}")
+ServerMessage = Welcome | State | Refused | Compared | Waiting | Pace

@@ -1,57 +1,92 @@
-"""The rig that all visitors share: how messages change it, and the small file that keeps it.
-
-A state never changes; a message makes a new one or is refused. The file is the list of messages that lead to the
-state, so what is read from it is checked exactly as what a page sends.
-"""
+"""The rig that all visitors share: how messages change it. A state never changes; a message makes a new one."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 from ..errors import InputError
-from ..files import publish, read_regular
 from ..lighting.disc import Disc
+from .environments import DAYLIGHT, daylight_id, daylight_of
+from .placed import placed_light
 from .protocol import (
     MOST_DISCS,
+    MOST_LAMPS,
+    MOST_PORTALS,
     DiscLight,
     RemoveDisc,
+    RemoveLamp,
     SetDisc,
     SetEnvironment,
+    SetGlass,
+    SetLamp,
+    SetSun,
     State,
-    decode,
-    encode,
+    Sun,
 )
 
-_FORMAT, _VERSION = "prelight-studio", 1
-_LARGEST_FILE = 100_000
-
-Change = SetEnvironment | SetDisc | RemoveDisc
+Step = (
+    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
+)  # what changes the light by itself
+WHITE = (1.0, 1.0, 1.0)
+FIRST_SUN = Sun(43.74, 15.89, "2026-06-21", 15.0, None, 2.5)
+LIGHT = (
+    "environment",
+    "rotation_deg",
+    "scale",
+    "tint",
+    "sun",
+    "discs",
+    "lamps",
+    "glass",
+)  # fields of a state that are light
 
 
 def initial(environment: str) -> State:
-    """A map as it is, and no discs."""
-    return State(0, None, environment, 0.0, 1.0, (1.0, 1.0, 1.0), (), None)
+    """A map as it is, no discs, no lamps."""
+    return State(0, None, environment, 0.0, 1.0, WHITE, FIRST_SUN, (), (), (), None)
 
 
-def changed(state: State, change: Change, *, author: int | None) -> State:
-    """The state after a message. Raises InputError for a disc that is not there, or one too many."""
+def changed(state: State, change: Step, *, author: int | None) -> State:
+    """The state after a message. Raises InputError for a light that is not there, cannot be, or is one too many."""
     new = replace(state, sequence=(state.sequence + 1) % 2**32, author=author)
     if isinstance(change, SetEnvironment):
-        given = {
-            name: getattr(change, name)
-            for name in ("environment", "rotation_deg", "scale", "tint")
-            if getattr(change, name) is not None
-        }
-        if "rotation_deg" in given:
-            given["rotation_deg"] %= 360.0
-        if given.get("environment", state.environment) != state.environment:
-            given["stops"] = None
-        return replace(new, **given)
-    others = tuple(disc for disc in state.discs if disc.id != change.id)
+        return _with_environment(new, change)
+    if isinstance(change, SetSun):
+        daylight_of(daylight_id(change.sun))  # says what is wrong with it
+        if state.environment == DAYLIGHT:
+            return replace(new, sun=change.sun)
+        return replace(new, sun=change.sun, environment=DAYLIGHT, tint=WHITE, stops=None)
+    if isinstance(change, SetDisc | RemoveDisc):
+        return _with_disc(new, change)
+    if isinstance(change, SetGlass):
+        return _with_glass(new, change)
+    return _with_lamp(new, change)
+
+
+def _with_environment(new: State, change: SetEnvironment) -> State:
+    given = {
+        name: getattr(change, name)
+        for name in ("environment", "rotation_deg", "scale", "tint")
+        if getattr(change, name) is not None
+    }
+    if "rotation_deg" in given:
+        given["rotation_deg"] %= 360.0
+    environment = given.get("environment", new.environment)
+    if environment != new.environment:
+        given["stops"] = None
+    if environment == DAYLIGHT:
+        if given.get("tint", WHITE) != WHITE:
+            raise InputError(
+                "SetEnvironment.tint", "daylight has the colour of its hour; choose a map to tint it"
+            )
+        given["tint"] = WHITE
+    return replace(new, **given)
+
+
+def _with_disc(new: State, change: SetDisc | RemoveDisc) -> State:
+    others = tuple(disc for disc in new.discs if disc.id != change.id)
     if isinstance(change, RemoveDisc):
-        if len(others) == len(state.discs):
+        if len(others) == len(new.discs):
             raise InputError("RemoveDisc.id", f"{change.id!r} is not alight")
         return replace(new, discs=others)
     if len(others) >= MOST_DISCS:
@@ -70,6 +105,26 @@ def changed(state: State, change: Change, *, author: int | None) -> State:
     return replace(new, discs=tuple(sorted((*others, disc), key=lambda d: d.id)))
 
 
+def _with_lamp(new: State, change: SetLamp | RemoveLamp) -> State:
+    name = change.lamp.id if isinstance(change, SetLamp) else change.id
+    others = tuple(lamp for lamp in new.lamps if lamp.id != name)
+    if isinstance(change, RemoveLamp):
+        if len(others) == len(new.lamps):
+            raise InputError("RemoveLamp.id", f"{name!r} is not there")
+        return replace(new, lamps=others)
+    if len(others) >= MOST_LAMPS:
+        raise InputError("SetLamp.id", f"{name!r} would be lamp {MOST_LAMPS + 1}, at most {MOST_LAMPS} shine")
+    placed_light(change.lamp)  # says what is wrong with it
+    return replace(new, lamps=tuple(sorted((*others, change.lamp), key=lambda lamp: lamp.id)))
+
+
+def _with_glass(new: State, change: SetGlass) -> State:
+    others = tuple(glass for glass in new.glass if glass.portal != change.glass.portal)
+    if len(others) >= MOST_PORTALS:
+        raise InputError("SetGlass.portal", f"more than {MOST_PORTALS} portals cannot be set")
+    return replace(new, glass=tuple(sorted((*others, change.glass), key=lambda glass: glass.portal)))
+
+
 def lit_discs(state: State) -> tuple[Disc, ...]:
     """The discs of a state as light; those without radiance are left out."""
     return tuple(
@@ -81,47 +136,12 @@ def lit_discs(state: State) -> tuple[Disc, ...]:
     )
 
 
-def state_file(bake: Path) -> Path:
-    """Where the studio keeps the rig of a bake: NAME.studio.json beside NAME.prelight."""
-    whole = bake.resolve()
-    return whole.with_name(whole.name.removesuffix(".prelight") + ".studio.json")
+def sky_id(state: State) -> str:
+    """The id among ``Environments`` of what is around the scene."""
+    return daylight_id(state.sun) if state.environment == DAYLIGHT else state.environment
 
 
-def save(state: State, path: Path) -> None:
-    """Write a state, whole or not at all; raises OutputError."""
-    messages: list[Change] = [
-        SetEnvironment(state.environment, state.rotation_deg, state.scale, state.tint),
-        *(
-            SetDisc(d.id, d.azimuth_deg, d.elevation_deg, d.radius_deg, d.radiance, d.softness)
-            for d in state.discs
-        ),
-    ]
-    document = {
-        "format": _FORMAT,
-        "version": _VERSION,
-        "messages": [json.loads(encode(message)) for message in messages],
-    }
-    publish(path, (json.dumps(document, indent=1) + "\n").encode())
-
-
-def load(path: Path, start: State) -> State:
-    """The state that is kept in a file, beginning from ``start``. Raises InputError for anything else."""
-    data = read_regular(path, limit=_LARGEST_FILE)
-    try:
-        document = json.loads(data)
-        known = document["format"] == _FORMAT and document["version"] == _VERSION
-        messages = [json.dumps(message) for message in document["messages"]]
-    except (ValueError, TypeError, KeyError, RecursionError):
-        known, messages = False, []
-    if not known:
-        raise InputError(path, f"not a rig kept by the studio (format {_FORMAT}, version {_VERSION})")
-    state = start
-    for text in messages:
-        try:
-            message = decode(text)
-            if not isinstance(message, Change):
-                raise InputError("message", f"a {type(message).__name__}, expected one that changes the rig")
-            state = changed(state, message, author=None)
-        except InputError as error:
-            raise InputError(path, f"{error.path}: {error.reason}") from None
-    return replace(state, sequence=0)
+def lit_as(state: State, other: State) -> State:
+    """``state`` with the light of ``other``."""
+    stops = state.stops if state.environment == other.environment else other.stops
+    return replace(state, stops=stops, **{name: getattr(other, name) for name in LIGHT})

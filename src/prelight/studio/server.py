@@ -15,12 +15,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 
-from ..errors import OutputError, PrelightError
+from ..errors import InputError, OutputError, PrelightError
 from ..storage.bake import Bake
 from .door import HOST, Door
-from .environments import Environments, sky_words
+from .environments import DAYLIGHT, Environments, daylight_id, sky_words
 from .hub import Hub
 from .protocol import LARGEST_MESSAGE
+from .rig_state import FIRST_SUN
 from .shown import Shown
 
 USUAL_PORT = 8737
@@ -151,6 +152,7 @@ class Studio:
                 Route("/texture/{index}", self._texture),
                 Route("/preview/{name}", self._preview),
                 Route("/sky/{name}", self._sky),
+                Route("/rig.toml", self._rig),
                 Route("/{path:path}", self._file),
                 WebSocketRoute("/socket", self._hub.visit),
             ],
@@ -175,15 +177,26 @@ class Studio:
 
     def _preview(self, request: Request) -> Response:
         known, name = self._served.environments, request.path_params["name"]
-        return _bytes(known.preview(name), "image/png") if name in known else _missing()
+        return _bytes(known.preview(_daily(name)), "image/png") if name in known else _missing()
 
     def _sky(self, request: Request) -> Response:
         known, name = self._served.environments, request.path_params["name"]
-        return _bytes(sky_words(known.open(name)).tobytes()) if name in known else _missing()
+        return _bytes(sky_words(known.open(_daily(name))).tobytes()) if name in known else _missing()
+
+    def _rig(self, _request: Request) -> Response:
+        try:
+            return Response(self._hub.rig(), media_type="application/toml")
+        except InputError as error:
+            return PlainTextResponse(f"{error.reason}\n", 409)
 
 
 def _bytes(content: bytes | None, kind: str = "application/octet-stream") -> Response:
     return _missing() if content is None else Response(content, media_type=kind)
+
+
+def _daily(name: str) -> str:
+    """Of daylight as a choice, the first hour."""
+    return daylight_id(FIRST_SUN) if name == DAYLIGHT else name
 
 
 def _missing() -> Response:

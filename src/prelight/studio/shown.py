@@ -13,10 +13,11 @@ from ..camera import Camera
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
-from .protocol import CameraView
+from .protocol import CameraView, PortalView
 
 if TYPE_CHECKING:
     from ..relighting.relighter import Relighter
+    from .kinds import Taken
 
 _SHAPES = {"f4": "<f4", "u4": "<u4", "u1": "u1"}
 
@@ -32,16 +33,41 @@ class Shown:
         self._lock = threading.RLock()
 
     @cached_property
-    def _found(self) -> tuple[str, LayerRecord]:
-        from ..relighting.layer import (
-            found_layer,  # which brings the compiler along: the page need not wait for it
-        )
+    def _found(self) -> tuple[str, LayerRecord] | None:
+        """The environment layer that is shown; None where there are others: they light vertices, for any eye.
+
+        What is imported for it brings the compiler along: the page need not wait for that.
+        """
+        from .kinds import QUICK, vertex_kinds
+
+        if vertex_kinds(self.bake) != {QUICK}:
+            return None
+        from ..relighting.layer import found_layer
 
         return found_layer(self.bake)
 
+    @cached_property
+    def takes(self) -> tuple[Taken, ...]:
+        """What of a rig the bake can be lit by."""
+        from .kinds import takes_of
+
+        return takes_of(self.bake)
+
+    @cached_property
+    def _panes(self) -> tuple[tuple[PortalView, ...], np.ndarray]:
+        from .kinds import panes_of
+
+        return panes_of(self.bake)
+
     @property
-    def _record(self) -> LayerRecord:
-        return self._found[1]
+    def portals(self) -> tuple[PortalView, ...]:
+        """The portals whose glass can be set."""
+        return self._panes[0]
+
+    @property
+    def _eye(self) -> Any:
+        """The record of the eye that the layer was made for, if any."""
+        return self._found[1].camera if self._found else None
 
     # ---- Figures -----------------------------------------------------------------------------------------
 
@@ -56,12 +82,12 @@ class Shown:
     @property
     def resolution(self) -> int:
         """R of the layer."""
-        return int(self._record.parameters.get("resolution") or 0)
+        return int(self._found[1].parameters.get("resolution") or 0) if self._found else 0
 
     @property
     def pixels(self) -> tuple[int, int] | None:
         """(width, height), where the rows of the layer are those of a picture."""
-        given = self._record.parameters
+        given = self._found[1].parameters if self._found else {}
         if given.get("receivers") != "pixels":
             return None
         width, height = given.get("width"), given.get("height")
@@ -77,15 +103,15 @@ class Shown:
     @property
     def eye(self) -> str | None:
         """The name of the camera that the layer was made for."""
-        return self._record.camera.name if self._record.camera else None
+        return self._eye.name if self._eye else None
 
     @cached_property
     def cameras(self) -> tuple[CameraView, ...]:
         """The layer's eye, then those of the scene; one that frames it if there are none."""
         cameras: dict[str, Camera] = {}
         try:
-            if self._record.camera:
-                cameras[self._record.camera.name] = Camera.from_dict(self._record.camera.view)
+            if self._eye:
+                cameras[self._eye.name] = Camera.from_dict(self._eye.view)
         except InputError as error:
             raise DamagedBakeError(self.bake.path, f"the eye of its layer is wrong: {error.reason}") from None
         for name, camera in self.bake.cameras.items():
@@ -137,7 +163,7 @@ class Shown:
     @property
     def _worn(self) -> list[int | None]:
         """The texture that the page multiplies with: not of what a fixed eye sees with its texture already."""
-        fixed = self._record.camera is not None
+        fixed = self._eye is not None
         return [
             None if self.bake.uv is None or (fixed and not m.is_lambertian) else m.colour_texture
             for m in self.bake.materials
@@ -153,7 +179,7 @@ class Shown:
         bake = self.bake
         receivers = bake.receivers
         albedo, tint = receivers.albedo, bake.tint
-        if self._record.camera is not None:
+        if self._eye is not None:
             final = np.ones(len(albedo), bool)  # rows that are radiance already
             if self.pixels is None:
                 final[self._relighter.lambertian] = False
@@ -168,6 +194,8 @@ class Shown:
         }
         if bake.uv is not None:
             arrays["uv"] = ("f4", bake.uv)
+        if self.portals:
+            arrays["pane"] = ("u4", self._panes[1])
         if self.pixels is not None:
             arrays["coverage"] = ("u1", np.rint(self._relighter.coverage * 255).astype(np.uint8))
         return arrays
@@ -177,4 +205,4 @@ class Shown:
         """For what only the layer itself knows."""
         from ..relighting.relighter import Relighter
 
-        return Relighter(self.bake, layer=self._found[0], trace_strong=False)
+        return Relighter(self.bake, layer=self._found[0] if self._found else None, trace_strong=False)

@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+import json
 import types
 from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from ..files import publish
-from . import protocol
+from . import fields as limits
+from . import frames, protocol
 
 TARGET = Path(__file__).parent / "web" / "source" / "messages.ts"
 _PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
@@ -21,7 +23,10 @@ _HEADER_FIELDS = ("magic", "frame", "sequence", "count", "milliseconds", "flags"
 def messages_module() -> str:
     """The text of ``messages.ts``."""
     client, server = get_args(protocol.ClientMessage), get_args(protocol.ServerMessage)
-    parts = [protocol.CameraView, protocol.EnvironmentChoice, protocol.DiscLight]
+    parts = [
+        protocol.CameraView, protocol.EnvironmentChoice, protocol.DiscLight, protocol.LampLight, protocol.Sun,
+        protocol.PortalGlass, protocol.PortalView, protocol.LayerPace,
+    ]  # fmt: skip
     blocks = [
         "// Written by prelight.studio.typescript from protocol.py: change that and write this anew.\n",
         *(f"export const {name} = {value};" for name, value in _constants().items()),
@@ -33,6 +38,7 @@ def messages_module() -> str:
         "",
         *(_interface(kind, tagged=False, optional=False) for kind in parts),
         *(_interface(kind, tagged=True, optional=True) for kind in client),
+        _union("Change", get_args(protocol.Change)),
         _union("ClientMessage", client),
         *(_interface(kind, tagged=True, optional=False) for kind in server),
         _union("ServerMessage", server),
@@ -42,10 +48,15 @@ def messages_module() -> str:
 
 def _constants() -> dict[str, int | float]:
     names = (
-        "PROTOCOL_VERSION", "MOST_DISCS", "FRAMES_IN_FLIGHT", "LARGEST_SCALE", "LARGEST_TINT", "LARGEST_RADIANCE",
-        "SMALLEST_RADIUS_DEG", "LARGEST_RADIUS_DEG", "FRAME_MAGIC", "FRAME_EXACT", "HEADER_BYTES",
+        "PROTOCOL_VERSION", "MOST_DISCS", "MOST_LAMPS", "MOST_LOOKS",
+        "FRAMES_IN_FLIGHT", "LARGEST_SCALE", "LARGEST_TINT", "LARGEST_RADIANCE",
+        "SMALLEST_RADIUS_DEG", "LARGEST_RADIUS_DEG", "FRAME_MAGIC", "FRAME_EXACT",
+        "FRAME_ASIDE", "HEADER_BYTES",
     )  # fmt: skip
-    return {name: getattr(protocol, name) for name in names}
+    return {
+        name: getattr(protocol, name, None) or getattr(limits, name, None) or getattr(frames, name)
+        for name in names
+    }
 
 
 def _union(name: str, kinds: tuple[type, ...]) -> str:
@@ -70,10 +81,13 @@ def _typed(hint: Any) -> str:
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _typed(arguments[0])
+    if origin is Literal:
+        return " | ".join(json.dumps(value) for value in arguments)
     if origin in (Union, types.UnionType):
         return " | ".join(_typed(a) for a in arguments)
     if origin is tuple and arguments[-1] is Ellipsis:
-        return f"{_typed(arguments[0])}[]"
+        inner = _typed(arguments[0])
+        return f"({inner})[]" if "|" in inner else f"{inner}[]"
     if origin is tuple:
         return "[" + ", ".join(_typed(a) for a in arguments) + "]"
     return _PLAIN.get(hint) or hint.__name__

@@ -12,8 +12,9 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 
-from .protocol import FRAMES_IN_FLIGHT, Pace, Seen, ServerMessage, encode
-from .session import Frame
+from .protocol import FRAMES_IN_FLIGHT, Compared, Pace, Seen, ServerMessage
+from .session import Aside, Frame
+from .wire import encode
 
 MOST_MESSAGES = 200  # a second, in the long run
 _BURST = 400
@@ -44,6 +45,7 @@ class Visitor:
         self._texts: dict[object, str] = {}
         self._unkeyed = 0
         self._frame: Frame | None = None
+        self._aside: Aside | None = None
         self._in_flight: deque[int] = deque()
         self._sent_at: deque[float] = deque(maxlen=240)
         self._paced_at = 0.0
@@ -77,6 +79,12 @@ class Visitor:
         self._frame = frame
         self._news.set()
 
+    def show_aside(self, aside: Aside) -> None:
+        """Send the light of a look, instead of one that still waits."""
+        self.tell(Compared(aside.look, aside.light))
+        self._aside = aside
+        self._news.set()
+
     def seen(self, message: Seen) -> None:
         """A frame has arrived, and those before it."""
         if message.frame in self._in_flight:
@@ -97,6 +105,9 @@ class Visitor:
             self._news.clear()
             while self._texts:
                 await text(self._texts.pop(next(iter(self._texts))))
+            if self._aside is not None:
+                aside, self._aside = self._aside, None
+                await data(aside.data)
             if self._frame is not None and len(self._in_flight) < FRAMES_IN_FLIGHT:
                 frame, self._frame = self._frame, None
                 self._in_flight.append(frame.number)
@@ -120,5 +131,6 @@ class Visitor:
                 strong_lights=frame.strong_lights,
                 bytes=len(frame.data),
                 updates_per_second=float(lately),
+                layers=frame.layers,
             )
         )

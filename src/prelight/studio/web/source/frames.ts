@@ -1,12 +1,14 @@
 // Radiance frames: a header of 32 bytes, then one rgb9e5 for each row.
 
-import { FRAME_EXACT, FRAME_MAGIC, HEADER, HEADER_BYTES } from "./messages";
+import { FRAME_ASIDE, FRAME_EXACT, FRAME_MAGIC, HEADER, HEADER_BYTES } from "./messages";
 
 export interface Frame {
   number: number;
   sequence: number;
   milliseconds: number;
   exact: boolean;
+  /** Of a look to compare with. */
+  aside: boolean;
   /** One rgb9e5 a row: a view of what arrived, nothing is copied. */
   radiance: Uint32Array<ArrayBuffer>;
 }
@@ -23,6 +25,7 @@ export function readFrame(data: ArrayBuffer): Frame | null {
     sequence: header.getUint32(HEADER.sequence, true),
     milliseconds: header.getFloat32(HEADER.milliseconds, true),
     exact: (header.getUint32(HEADER.flags, true) & FRAME_EXACT) !== 0,
+    aside: (header.getUint32(HEADER.flags, true) & FRAME_ASIDE) !== 0,
     radiance: new Uint32Array(data, HEADER_BYTES, count),
   };
 }

@@ -25,6 +25,8 @@ export interface Geometry {
   albedo: Float32Array<ArrayBuffer>;
   tint: Float32Array<ArrayBuffer>;
   uv: Float32Array<ArrayBuffer> | null;
+  /** For each vertex of glass its portal's number from 1; 0 elsewhere. */
+  pane: Uint32Array<ArrayBuffer> | null;
   /** (h, w) parts of 255 of the pixels that see the scene, where pixels are the receivers. */
   coverage: Uint8Array<ArrayBuffer> | null;
   materials: Material[];
@@ -35,7 +37,7 @@ const BYTES = { f4: 4, u4: 4, u1: 1 } as const;
 /** Fetch a bake's geometry; `report` hears bytes so far and bytes in all. Raises Error with a sentence. */
 export async function fetchGeometry(report: (done: number, all: number) => void): Promise<Geometry> {
   const index = (await (await fetched("/geometry.json")).json()) as Index;
-  const names = ["positions", "triangles", "material_of", "albedo", "tint", "uv", "coverage"];
+  const names = ["positions", "triangles", "material_of", "albedo", "tint", "uv", "pane", "coverage"];
   const places = new Map(names.flatMap((name) => Object.entries(index.arrays).filter(([key]) => key === name)));
   const all = [...places.values()].reduce((sum, place) => sum + byteLength(place), 0);
   let done = 0;
@@ -59,6 +61,7 @@ export async function fetchGeometry(report: (done: number, all: number) => void)
     albedo: floats("albedo"),
     tint: floats("tint"),
     uv: arrays.has("uv") ? floats("uv") : null,
+    pane: arrays.has("pane") ? new Uint32Array(need("pane")) : null,
     coverage: arrays.has("coverage") ? new Uint8Array(need("coverage")) : null,
     materials: index.materials,
   };
@@ -67,6 +70,13 @@ export async function fetchGeometry(report: (done: number, all: number) => void)
 /** The radiance of a map without turn and scale: rgb9e5, lat-long. */
 export async function fetchSky(id: string): Promise<Uint32Array<ArrayBuffer>> {
   return new Uint32Array(await (await fetched(`/sky/${encodeURIComponent(id)}`)).arrayBuffer());
+}
+
+/** The light as a rig file. Raises Error with a sentence. */
+export async function fetchRig(): Promise<Blob> {
+  const response = await fetch("/rig.toml");
+  if (!response.ok) throw new Error((await response.text()).trim());
+  return response.blob();
 }
 
 /** A picture of the bake's textures, its colours as stored, no larger than `most` a side. */

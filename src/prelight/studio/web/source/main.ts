@@ -10,11 +10,17 @@ import { Metrics } from "./metrics";
 import { Rig } from "./rig";
 import { button, element, wrapped } from "./panel/elements";
 import { bindKeys } from "./panel/keys";
+import { GlassPanel } from "./panel/glass_panel";
+import { LampsPanel, type Spot } from "./panel/lamps_panel";
 import { LightsPanel } from "./panel/lights_panel";
+import { LooksPanel } from "./panel/looks_panel";
 import { Notices } from "./panel/notices";
 import { PaceCorner } from "./panel/pace";
 import { PicturePanel } from "./panel/picture_panel";
+import { RigBar } from "./panel/rig_bar";
 import { SkyPanel } from "./panel/sky_panel";
+import { Divider } from "./view/divider";
+import { Handles } from "./view/handles";
 import { Stage } from "./view/stage";
 
 const TURN_KEY_DEG = 5;
@@ -31,21 +37,46 @@ class Page {
   private readonly rig = new Rig((change) => this.link.send(change));
   private readonly lights = new LightsPanel(this.rig);
   private readonly sky = new SkyPanel(this.rig, (map) => this.lights.strip.showMap(map));
-  private readonly picture = new PicturePanel(this.stage);
+  private readonly lamps = new LampsPanel(this.rig, { place: () => this.spotForALamp(), chosen: () => this.showLamps() });
+  private readonly handles = new Handles(() => this.stage.eye.camera, () => this.stage.surface, {
+    select: (id) => this.lamps.select(id),
+    move: (id, what, place, dragging) => this.lamps.move(id, what, place, dragging),
+    remove: (id) => this.lamps.remove(id),
+  });
+  private readonly glass = new GlassPanel(this.rig, (through) => this.stage.setPanes(through));
+  private readonly divider = new Divider((place) => this.looks.moveTo(place));
+  private readonly looks: LooksPanel = new LooksPanel({
+    ask: (change) => this.rig.ask(change),
+    compare: (look) => this.compare(look),
+    mix: (mix) => {
+      this.stage.mix(mix);
+      this.showDivider();
+    },
+  });
+  private readonly bar = new RigBar((change) => this.rig.ask(change), (words) => this.notices.toast(words));
+  private readonly picture = new PicturePanel(this.stage, found("legend"));
   private readonly corner = new PaceCorner(found("pace"), this.metrics);
   private welcome: Welcome | null = null;
   private state: State | null = null;
   private unshown: State | null = null;
+  private other: State | null = null;
 
   start(): void {
     this.metrics.version = PROTOCOL_VERSION;
     const panel = found("panel");
-    panel.append(this.sky.part, this.lights.part, this.picture.part);
+    const parts = [this.sky.part, this.lights.part, this.glass.part, this.lamps.part, this.looks.part, this.picture.part];
+    panel.append(this.bar.part, ...parts);
+    found("stage").append(this.handles.host, this.divider.host);
     new ResizeObserver(() => this.cover()).observe(panel);
     window.addEventListener("resize", () => this.cover());
     this.rig.follow((look) => {
       this.sky.show(look);
       this.lights.show(look);
+      this.glass.show(look);
+      this.lamps.show(look);
+      this.showLamps();
+      this.looks.show(look);
+      this.bar.show(look);
       this.stage.showLook(look);
       this.picture.suit(look.environment, look.stops);
     });
@@ -54,6 +85,9 @@ class Page {
       const azimuth = this.stage.heading();
       this.sky.dome.showHeading(azimuth);
       this.lights.showHeading(azimuth);
+      this.handles.place();
+      const { shownExact, shownSequence } = this.metrics;
+      if (shownExact && shownSequence === this.rig.sequence) this.picture.lit();
     });
     const help = bindKeys([
       { keys: ["[", ","], shown: "[", does: "turn the sky to the left", run: () => this.turn(TURN_KEY_DEG) },
@@ -62,6 +96,8 @@ class Page {
       { keys: ["d"], shown: "d", does: "expose darker", run: () => this.picture.brighten(-0.5) },
       { keys: ["a"], shown: "a", does: "expose for what is seen", run: () => this.picture.meter() },
       { keys: ["l"], shown: "l", does: "add a light", run: () => this.lights.addAside() },
+      { keys: ["z"], shown: "z", does: "undo", run: () => this.bar.undo() },
+      { keys: ["Z", "y"], shown: "Z", does: "redo", run: () => this.bar.redo() },
       { keys: ["h"], shown: "h", does: "hide everything but the scene, and back", run: () => this.hide() },
       { keys: ["?"], shown: "?", does: "this sheet", run: () => help() },
     ]);
@@ -83,6 +119,9 @@ class Page {
         this.notices.toast(message.reason);
         this.unshown = null;
         this.rig.takeBack(this.state);
+        break;
+      case "Compared":
+        this.other = message.light;
         break;
       case "Waiting":
         this.corner.wait(message.reason ?? "");
@@ -106,6 +145,10 @@ class Page {
     const began = performance.now();
     const frame = readFrame(data);
     if (frame === null) return;
+    if (frame.aside) {
+      if (this.looks.compared !== null) this.stage.compare(this.other, frame.radiance);
+      return;
+    }
     this.stage.take(frame);
     this.link.send({ type: "Seen", frame: frame.number });
     this.metrics.arrived(frame, performance.now() - began);
@@ -127,7 +170,15 @@ class Page {
       this.notices.opening(`Opening ${welcome.name}`);
       document.title = `${welcome.name} · Prelight`;
       found("title").replaceChildren(element("h1", {}, welcome.name), element("p", {}, summary(welcome)));
+      this.looks.stop();
       this.lights.allow(welcome.most_discs);
+      this.lamps.allow(welcome.most_lamps);
+      this.glass.offer(welcome.portals);
+      const takes = (what: Welcome["takes"][number]) => welcome.takes.includes(what);
+      this.sky.part.hidden = this.lights.part.hidden = !takes("environment");
+      this.lamps.part.hidden = this.handles.host.hidden = !takes("lamps");
+      this.picture.indoors = takes("lamps") || takes("glass");
+      this.picture.allowIlluminance(welcome.pixels === null && welcome.eye === null);
       this.sky.offer(welcome.environments);
       this.offerCameras(welcome);
     }
@@ -135,6 +186,7 @@ class Page {
     this.welcome = welcome;
     this.unshown = null;
     this.rig.receive(welcome.state);
+    if (this.looks.compared !== null) this.compare(this.looks.compared); // after a lost connection
     if (isSame) return;
     try {
       const geometry = await fetchGeometry((done, all) => {
@@ -142,6 +194,8 @@ class Page {
         this.notices.opening(`Opening ${welcome.name}: ${megabytes(done)} of ${megabytes(all)} MB`, done / all);
       });
       this.stage.show(welcome, geometry);
+      this.glass.show(this.rig.look);
+      this.handles.scale(this.stage.sphere.radius);
       this.cover();
       this.metrics.ready = true;
       this.opened();
@@ -175,6 +229,34 @@ class Page {
     if (pixels === null) this.stage.canvas.addEventListener("moved", () => mark(-1));
   }
 
+  private showLamps(): void {
+    this.handles.show(this.rig.look.lamps, this.lamps.selected);
+  }
+
+  /** Above what is looked at, as strong as the exposure wants it there. */
+  private spotForALamp(): Spot {
+    const { target } = this.stage.eye;
+    const side = this.stage.sphere.radius;
+    const high = 0.35 * side;
+    const round = (value: number) => Number(value.toFixed(2));
+    const place: Spot["target"] = [round(target.x), round(target.y), round(target.z)];
+    return {
+      position: [place[0], round(target.y + high), place[2]],
+      target: place,
+      intensity: Math.PI * high * high * this.picture.white,
+      side,
+    };
+  }
+
+  private compare(look: string | null): void {
+    if (look === null) this.stage.compare(null, null);
+    else this.link.send({ type: "Compare", look });
+  }
+
+  private showDivider(): void {
+    this.divider.show(this.looks.wipe, this.stage.freeWidth, this.looks.compared ?? "");
+  }
+
   private turn(degrees: number): void {
     this.rig.change({ rotation_deg: wrapped(this.rig.look.rotation_deg + degrees) }, { dragging: true });
   }
@@ -191,6 +273,7 @@ class Page {
     if (panel.width === 0) this.stage.cover(0, 0);
     else if (isBeside) this.stage.cover(innerWidth - panel.left, 0);
     else this.stage.cover(0, innerHeight - panel.top);
+    this.showDivider();
   }
 
   /** What tests look at. */

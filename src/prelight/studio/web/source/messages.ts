@@ -1,7 +1,9 @@
 // Written by prelight.studio.typescript from protocol.py: change that and write this anew.
 
-export const PROTOCOL_VERSION = 1;
+export const PROTOCOL_VERSION = 2;
 export const MOST_DISCS = 32;
+export const MOST_LAMPS = 32;
+export const MOST_LOOKS = 32;
 export const FRAMES_IN_FLIGHT = 2;
 export const LARGEST_SCALE = 1000000.0;
 export const LARGEST_TINT = 1000.0;
@@ -10,6 +12,7 @@ export const SMALLEST_RADIUS_DEG = 0.001;
 export const LARGEST_RADIUS_DEG = 90.0;
 export const FRAME_MAGIC = 827477072;
 export const FRAME_EXACT = 1;
+export const FRAME_ASIDE = 2;
 export const HEADER_BYTES = 32;
 
 /** Byte offsets in the header of a radiance frame, little-endian. */
@@ -40,6 +43,55 @@ export interface DiscLight {
   softness: number;
 }
 
+/** A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot. ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target. */
+export interface LampLight {
+  id: string;
+  name: string;
+  kind: "lamp" | "spot" | "panel";
+  on: boolean;
+  position: [number, number, number];
+  target: [number, number, number];
+  strength: number;
+  dim: number;
+  color: [number, number, number];
+  radius: number;
+  beam_deg: number;
+  size: [number, number];
+}
+
+/** Where and when it is, for the environment "daylight": hours of the zone's clock, without one mean solar time. */
+export interface Sun {
+  latitude_deg: number;
+  longitude_deg: number;
+  date: string;
+  hour: number;
+  zone: string | null;
+  turbidity: number;
+}
+
+/** The glass of a portal: ``tint`` is what it lets through, null as built; ``blind`` the share that is covered. ``frost_deg`` is by how much frosted glass turns light. */
+export interface PortalGlass {
+  portal: string;
+  kind: "clear" | "frosted" | "shut";
+  tint: [number, number, number] | null;
+  frost_deg: number;
+  blind: number;
+}
+
+/** A portal, and what its glass lets through as built. */
+export interface PortalView {
+  name: string;
+  tint: [number, number, number];
+}
+
+/** What a layer did for the last frame: how ("full", "local", "gain", …), and how long it took. */
+export interface LayerPace {
+  name: string;
+  kind: string;
+  how: string;
+  ms: number;
+}
+
 /** The first message: the version of the protocol that the page was made for. */
 export interface Hello {
   type: "Hello";
@@ -53,6 +105,13 @@ export interface SetEnvironment {
   rotation_deg?: number | null;
   scale?: number | null;
   tint?: [number, number, number] | null;
+  dragging?: boolean;
+}
+
+/** Change place, day or hour: all of it. The environment becomes "daylight". */
+export interface SetSun {
+  type: "SetSun";
+  sun: Sun;
   dragging?: boolean;
 }
 
@@ -74,15 +133,77 @@ export interface RemoveDisc {
   id: string;
 }
 
+/** Put up a lamp, or change the one of this id: all of it. */
+export interface SetLamp {
+  type: "SetLamp";
+  lamp: LampLight;
+  dragging?: boolean;
+}
+
+/** Take down a lamp. */
+export interface RemoveLamp {
+  type: "RemoveLamp";
+  id: string;
+}
+
+/** Change the glass of a portal, one of ``Welcome.portals``: all of it. */
+export interface SetGlass {
+  type: "SetGlass";
+  glass: PortalGlass;
+  dragging?: boolean;
+}
+
+/** Take back the last change, whoever made it. */
+export interface Undo {
+  type: "Undo";
+}
+
+/** Make the change again that was taken back last. */
+export interface Redo {
+  type: "Redo";
+}
+
+/** Keep the light as it is under a name; one that is known is replaced. */
+export interface SaveLook {
+  type: "SaveLook";
+  name: string;
+}
+
+/** Light as it was kept under a name. */
+export interface ShowLook {
+  type: "ShowLook";
+  name: string;
+}
+
+/** Forget what is kept under a name. */
+export interface RemoveLook {
+  type: "RemoveLook";
+  name: string;
+}
+
+/** Light as a rig file says (TOML, docs/rig.md), as far as a page can show it. */
+export interface OpenRig {
+  type: "OpenRig";
+  text: string;
+}
+
+/** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. */
+export interface Compare {
+  type: "Compare";
+  look: string;
+}
+
 /** A radiance frame has arrived, and the next may be sent. */
 export interface Seen {
   type: "Seen";
   frame: number;
 }
 
-export type ClientMessage = Hello | SetEnvironment | SetDisc | RemoveDisc | Seen;
+export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
 
-/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. */
+export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Compare | Seen;
+
+/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. */
 export interface Welcome {
   type: "Welcome";
   version: number;
@@ -97,11 +218,14 @@ export interface Welcome {
   eye: string | null;
   cameras: CameraView[];
   environments: EnvironmentChoice[];
+  takes: ("environment" | "lamps" | "glass")[];
+  portals: PortalView[];
   most_discs: number;
+  most_lamps: number;
   state: State;
 }
 
-/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. */
+/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what these would do, in words; null: nothing. ``looks``: the names of what is kept. */
 export interface State {
   type: "State";
   sequence: number;
@@ -110,8 +234,14 @@ export interface State {
   rotation_deg: number;
   scale: number;
   tint: [number, number, number];
+  sun: Sun;
   discs: DiscLight[];
+  lamps: LampLight[];
+  glass: PortalGlass[];
   stops: number | null;
+  looks: string[];
+  undo: string | null;
+  redo: string | null;
 }
 
 /** A message of the page that was not obeyed, and why, in one line; nothing has changed. */
@@ -119,6 +249,13 @@ export interface Refused {
   type: "Refused";
   message: string;
   reason: string;
+}
+
+/** The light of a look, whose frame (``FRAME_ASIDE``) comes next. */
+export interface Compared {
+  type: "Compared";
+  look: string;
+  light: State;
 }
 
 /** What the studio is busy with before the first picture; null: nothing any more. */
@@ -136,6 +273,7 @@ export interface Pace {
   strong_lights: number;
   bytes: number;
   updates_per_second: number;
+  layers: LayerPace[];
 }
 
-export type ServerMessage = Welcome | State | Refused | Waiting | Pace;
+export type ServerMessage = Welcome | State | Refused | Compared | Waiting | Pace;

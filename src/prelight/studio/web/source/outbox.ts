@@ -1,8 +1,6 @@
 // What waits to be sent: at most one message of a key for each animation frame, the newest.
 
-import type { RemoveDisc, SetDisc, SetEnvironment } from "./messages";
-
-export type Change = SetEnvironment | SetDisc | RemoveDisc;
+import type { Change } from "./messages";
 
 const AT_LATEST_MS = 100; // a page in the background has no animation frames
 
@@ -10,12 +8,13 @@ const AT_LATEST_MS = 100; // a page in the background has no animation frames
 export class Outbox {
   private readonly waiting = new Map<string, Change>();
   private frame = 0;
+  private others = 0;
   private timer = 0;
 
   constructor(private readonly send: (change: Change) => void) {}
 
   put(change: Change): void {
-    const key = change.type === "SetEnvironment" ? "environment" : `disc ${change.id}`;
+    const key = subject(change) ?? `other ${this.others++}`;
     const before = this.waiting.get(key);
     const isMore = before?.type === "SetEnvironment" && change.type === "SetEnvironment";
     this.waiting.set(key, isMore ? { ...before, ...change } : change);
@@ -31,5 +30,26 @@ export class Outbox {
     const changes = [...this.waiting.values()];
     this.waiting.clear();
     changes.forEach(this.send);
+  }
+}
+
+/** What a change is about: of changes that wait, the newest about the same thing is sent. Null: each is sent. */
+function subject(change: Change): string | null {
+  switch (change.type) {
+    case "SetEnvironment":
+      return "environment";
+    case "SetSun":
+      return "sun";
+    case "SetDisc":
+    case "RemoveDisc":
+      return `disc ${change.id}`;
+    case "SetLamp":
+      return `lamp ${change.lamp.id}`;
+    case "SetGlass":
+      return `glass ${change.glass.portal}`;
+    case "RemoveLamp":
+      return `lamp ${change.id}`;
+    default:
+      return null;
   }
 }

@@ -1,14 +1,30 @@
 // The rig as this page shows it: what the studio said last, and what is being changed here before it answers.
 
-import type { DiscLight, SetEnvironment, State } from "./messages";
-import { Outbox, type Change } from "./outbox";
+import type { Change, DiscLight, LampLight, PortalGlass, SetEnvironment, State, Sun } from "./messages";
+import { Outbox } from "./outbox";
 
 const ANSWERED_MS = 600; // after a change of ours, the studio's echo of older ones is left alone for this long
 
 export type Look = Omit<State, "type" | "sequence" | "author">;
 export type EnvironmentChange = Pick<SetEnvironment, "environment" | "rotation_deg" | "scale" | "tint">;
 
-const DARK: Look = { environment: "", rotation_deg: 0, scale: 1, tint: [1, 1, 1], discs: [], stops: null };
+/** The choice that has the sun and the sky of a place and an hour. */
+export const DAYLIGHT = "daylight";
+
+const NO_SUN: Sun = { latitude_deg: 0, longitude_deg: 0, date: "2026-06-21", hour: 12, zone: null, turbidity: 2.5 };
+const DARK: Look = {
+  environment: "", rotation_deg: 0, scale: 1, tint: [1, 1, 1], sun: NO_SUN, discs: [], lamps: [], glass: [],
+  stops: null, looks: [], undo: null, redo: null,
+};
+
+/** What the studio calls the sky of a look: of daylight, that of its hour. */
+export function skyId({ environment, sun }: Pick<Look, "environment" | "sun">): string {
+  if (environment !== DAYLIGHT) return environment;
+  const { latitude_deg, longitude_deg, date, hour, turbidity, zone } = sun;
+  const short = (value: number) => String(Number(value.toPrecision(6)));
+  const numbers = `${short(latitude_deg)},${short(longitude_deg)},${date},${short(hour)},${short(turbidity)}`;
+  return `${DAYLIGHT}:${numbers},${zone ?? ""}`;
+}
 
 /** Holds the look, tells its listeners, and sends what changes here. */
 export class Rig {
@@ -71,6 +87,37 @@ export class Rig {
     this.changed({ ...this.look, discs: this.look.discs.filter((disc) => disc.id !== id) });
   }
 
+  setSun(sun: Sun, { dragging = false } = {}): void {
+    this.outbox.put({ type: "SetSun", sun, dragging });
+    const isNew = this.look.environment !== DAYLIGHT;
+    const first = isNew ? { environment: DAYLIGHT, tint: [1, 1, 1] as [number, number, number], stops: null } : {};
+    this.changed({ ...this.look, ...first, sun });
+  }
+
+  putLamp(lamp: LampLight, { dragging = false } = {}): void {
+    this.outbox.put({ type: "SetLamp", lamp, dragging });
+    const isNew = !this.look.lamps.some(({ id }) => id === lamp.id);
+    const others = this.look.lamps.map((other) => (other.id === lamp.id ? lamp : other));
+    this.changed({ ...this.look, lamps: isNew ? [...others, lamp] : others });
+  }
+
+  removeLamp(id: string): void {
+    this.outbox.put({ type: "RemoveLamp", id });
+    this.changed({ ...this.look, lamps: this.look.lamps.filter((lamp) => lamp.id !== id) });
+  }
+
+  putGlass(glass: PortalGlass, { dragging = false } = {}): void {
+    this.outbox.put({ type: "SetGlass", glass, dragging });
+    const others = this.look.glass.filter(({ portal }) => portal !== glass.portal);
+    this.changed({ ...this.look, glass: [...others, glass] });
+  }
+
+  /** What only the studio can carry out: undo, looks, rig files. Its answer is shown at once. */
+  ask(change: Change): void {
+    this.outbox.put(change);
+    this.quietAt = 0;
+  }
+
   private changed(look: Look): void {
     this.quietAt = performance.now() + ANSWERED_MS;
     this.releaseIn(ANSWERED_MS);
@@ -85,8 +132,8 @@ export class Rig {
   }
 
   private show(state: State): void {
-    const { environment, rotation_deg, scale, tint, discs, stops } = state;
-    this.tell({ environment, rotation_deg, scale, tint, discs, stops });
+    const { type: _type, sequence: _sequence, author: _author, ...look } = state;
+    this.tell(look);
   }
 
   private tell(look: Look): void {

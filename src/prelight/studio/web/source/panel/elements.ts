@@ -28,9 +28,86 @@ export function pen(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null 
   return canvas.getContext("2d", { willReadFrequently: true });
 }
 
-/** A titled part of the panel. */
+/** A titled part of the panel, which its title folds away. */
 export function section(title: string, ...children: Node[]): HTMLElement {
-  return element("section", { "aria-label": title }, element("h2", {}, title), ...children);
+  const body = element("div", { class: "body" }, ...children);
+  const fold = button(title, () => {
+    body.hidden = !body.hidden;
+    fold.setAttribute("aria-expanded", String(!body.hidden));
+  }, { class: "fold", "aria-expanded": "true" });
+  return element("section", { "aria-label": title }, element("h2", {}, fold), body);
+}
+
+export interface NumberField {
+  name: string;
+  least: number;
+  most: number;
+  step: number;
+  unit?: string;
+  digits?: number;
+  set: (value: number) => void;
+}
+
+/** A number to type, told when it is finished; arrow keys step it. */
+export function numberField(field: NumberField): { row: HTMLElement; show: (value: number) => void } {
+  const { name, least, most, step, unit = "", digits = 2 } = field;
+  const bounds = { min: String(least), max: String(most), step: String(step), "aria-label": `${name} ${unit}`.trim() };
+  const input = element("input", { type: "number", inputmode: "decimal", ...bounds });
+  let known = NaN;
+  const show = (value: number) => {
+    known = value;
+    if (!isTyping) input.value = String(rounded(value, digits));
+  };
+  let isTyping = false; // what is being typed is left alone, whatever arrives
+  input.addEventListener("input", () => (isTyping = true));
+  input.addEventListener("blur", () => {
+    isTyping = false;
+    show(known);
+  });
+  input.addEventListener("change", () => {
+    const value = input.valueAsNumber;
+    isTyping = false;
+    if (Number.isFinite(value)) field.set(Math.min(most, Math.max(least, value)));
+    else show(known);
+  });
+  const words = element("span", { "aria-hidden": "true" }, name);
+  const units = element("span", { class: "unit", "aria-hidden": "true" }, unit);
+  return { row: element("label", { class: "number" }, words, input, units), show };
+}
+
+/** Several numbers in a row, such as a place. */
+export function numbers(
+  name: string,
+  parts: readonly string[],
+  range: Omit<NumberField, "name" | "set">,
+  set: (values: number[]) => void,
+): { row: HTMLElement; show: (values: readonly number[]) => void } {
+  let known: number[] = parts.map(() => 0);
+  const fields = parts.map((part, i) => {
+    const change = (value: number) => set(known.map((old, k) => (k === i ? value : old)));
+    const made = numberField({ ...range, name: `${name} ${part}`, set: change });
+    const words = made.row.firstElementChild;
+    if (words) words.textContent = part;
+    return made;
+  });
+  const rows = element("span", { class: "parts" }, ...fields.map(({ row }) => row));
+  const row = element("div", { class: "numbers", role: "group", "aria-label": name }, element("span", {}, name), rows);
+  const show = (values: readonly number[]) => {
+    known = [...values];
+    values.forEach((value, i) => fields[i]?.show(value));
+  };
+  return { row, show };
+}
+
+function rounded(value: number, digits: number): number {
+  return Number(value.toFixed(digits));
+}
+
+/** A number with about two digits, for amounts that range widely. */
+export function amount(value: number): string {
+  if (value >= 1e6) return `${(value / 1e6).toPrecision(3)} M`;
+  if (value >= 100) return Math.round(value).toLocaleString("en");
+  return String(Number(value.toPrecision(2)));
 }
 
 export interface Range {

@@ -14,7 +14,8 @@ const OTHERS: [string, string][] = [
   ["Right drag", "move aside"],
   ["Wheel", "nearer, farther"],
   ["Arrows  + −", "the same, with the scene in focus"],
-  ["Arrows", "turn the sky, move a light, with it in focus"],
+  ["Arrows", "turn the sky, move a light or a lamp, with it in focus"],
+  ["Page ↑ ↓", "raise, lower a lamp; Shift: farther"],
 ];
 
 /** Listen for the shortcuts; returns what opens the sheet. */
@@ -28,8 +29,10 @@ export function bindKeys(shortcuts: readonly Shortcut[]): () => void {
   document.body.append(sheet);
   window.addEventListener("keydown", (event) => {
     const isTyping = event.target instanceof HTMLInputElement && event.target.type !== "range";
-    if (event.ctrlKey || event.metaKey || event.altKey || isTyping || sheet.open) return;
-    const shortcut = shortcuts.find(({ keys }) => keys.includes(event.key));
+    const isUndo = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z";
+    if (((event.ctrlKey || event.metaKey) && !isUndo) || event.altKey || isTyping || sheet.open) return;
+    const key = isUndo ? (event.shiftKey ? "Z" : "z") : event.key;
+    const shortcut = shortcuts.find(({ keys }) => keys.includes(key));
     if (shortcut === undefined) return;
     event.preventDefault();
     shortcut.run();

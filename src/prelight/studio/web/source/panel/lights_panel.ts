@@ -43,7 +43,7 @@ export class LightsPanel {
     const coloured = element("div", { class: "with-colour" }, warmth.row, this.tint);
     this.settings.append(strength.row, size.row, softness.row, coloured);
     const buttons = element("div", { class: "buttons" }, this.add, remove);
-    this.part = section("Lights", this.strip.box, this.settings, buttons);
+    this.part = section("Lights in the sky", this.strip.box, this.settings, buttons);
     this.remover = remove;
   }
 
@@ -58,7 +58,6 @@ export class LightsPanel {
 
   show(look: Look): void {
     const disc = look.discs.find(({ id }) => id === this.selected) ?? null;
-    if (disc === null) this.selected = null;
     this.strip.show(look, this.selected);
     this.settings.hidden = this.remover.hidden = disc === null;
     this.add.disabled = look.discs.length >= this.most;
@@ -85,6 +84,7 @@ export class LightsPanel {
   }
 
   private remove(id: string): void {
+    if (id === this.selected) this.selected = null;
     this.rig.removeDisc(id);
     this.add.focus();
   }

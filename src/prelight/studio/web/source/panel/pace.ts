@@ -49,6 +49,9 @@ export class PaceCorner {
       ["Script", `${metrics.medianScriptMs().toFixed(2)} ms an update`],
       ["Pictures", `${metrics.picturesPerSecond()} a second`],
     ];
+    for (const { name, kind, how, ms } of pace?.layers ?? []) {
+      rows.push([kind === "" ? name : `Layer ${name}`, `${ms.toFixed(2)} ms, ${how}`]);
+    }
     this.rows.replaceChildren(...rows.flatMap(([term, value]) => [element("dt", {}, term), element("dd", {}, value)]));
   }
 }

@@ -5,8 +5,10 @@ import { fromHex, hue, kelvinOf, luminance, ofKelvin, times, toHex } from "../co
 import { fetchPreview } from "../geometry";
 import type { EnvironmentChoice } from "../messages";
 import type { Look, Rig } from "../rig";
+import { DAYLIGHT, skyId } from "../rig";
 import { Dome } from "./dome";
 import { button, chooseByArrows, degrees, element, pen, section, slider, stops, wrapped } from "./elements";
+import { SunSettings } from "./sun_settings";
 
 const BRIGHTEST = 6; // stops
 const DIMMEST = -6;
@@ -22,7 +24,11 @@ export class SkyPanel {
   private readonly tint = element("input", { type: "color", "aria-label": "Tint of the sky", title: "Tint" });
   private readonly thumbnails = new Map<string, { choice: EnvironmentChoice; button: HTMLButtonElement }>();
   private readonly maps = new Map<string, Promise<ImageBitmap>>();
+  private readonly sun: SunSettings;
+  private readonly warmthRow: HTMLElement;
   private shownMap = "";
+  private drawnMap = "";
+  private fetching = "";
 
   constructor(
     private readonly rig: Rig,
@@ -46,8 +52,10 @@ export class SkyPanel {
     this.tint.addEventListener("input", () => this.paint(fromHex(this.tint.value), true));
     this.tint.addEventListener("change", () => this.paint(fromHex(this.tint.value), false));
     const beside = element("div", { class: "beside" }, this.name, this.turn.row, this.strength.row);
-    const warmth = element("div", { class: "with-colour" }, this.warmth.row, this.tint);
-    this.part = section("Sky", this.choices, element("div", { class: "turning" }, this.dome.canvas, beside), warmth);
+    this.sun = new SunSettings(rig);
+    this.warmthRow = element("div", { class: "with-colour" }, this.warmth.row, this.tint);
+    const turning = element("div", { class: "turning" }, this.dome.canvas, beside);
+    this.part = section("Sky", this.choices, turning, this.sun.part, this.warmthRow);
   }
 
   /** The maps to choose from; each with its picture. */
@@ -68,7 +76,6 @@ export class SkyPanel {
       this.thumbnails.set(choice.id, { choice, button: made });
       this.choices.append(made);
     }
-    this.shownMap = "";
     this.show(this.rig.look);
   }
 
@@ -82,13 +89,28 @@ export class SkyPanel {
     this.warmth.show(kelvinOf(look.tint));
     this.tint.value = toHex(look.tint);
     this.dome.show(look);
-    if (look.environment === this.shownMap || !this.thumbnails.has(look.environment)) return;
-    const id = (this.shownMap = look.environment);
-    void this.map(id).then((map) => {
-      if (id !== this.shownMap) return;
-      this.dome.showMap(map);
-      this.showMap(map);
-    }, () => undefined);
+    this.sun.show(look);
+    this.warmthRow.hidden = look.environment === DAYLIGHT; // it has the colour of its hour
+    if (!this.thumbnails.has(look.environment)) return;
+    this.shownMap = skyId(look);
+    void this.showMaps();
+  }
+
+  /** The small pictures of the sky; of hours that pass while one is fetched only the last is asked for. */
+  private async showMaps(): Promise<void> {
+    if (this.fetching !== "") return;
+    while (this.drawnMap !== this.shownMap) {
+      const shown = (this.drawnMap = this.fetching = this.shownMap);
+      const isHour = shown.startsWith(`${DAYLIGHT}:`);
+      try {
+        const map = await (isHour ? fetchPreview(shown) : this.map(shown));
+        this.dome.showMap(map);
+        this.showMap(map);
+      } catch {
+        // the next change asks again
+      }
+    }
+    this.fetching = "";
   }
 
   private paint(colour: Rgb, dragging: boolean): void {

@@ -11,6 +11,15 @@ const HUE_KEPT = 0.35;
 export const CURVES = { filmic: 1, linear: 0, none: 2 } as const;
 export type Curve = keyof typeof CURVES;
 
+/** What is shown: the picture, or in false colour what a meter would read. */
+export const MEANINGS = { picture: 0, luminance: 1, illuminance: 2 } as const;
+export type Meaning = keyof typeof MEANINGS;
+export const DECADES = 3; // of false colour, below its top
+export const LUMENS_PER_WATT = 683;
+
+/** False colours from dark to bright, sRGB. */
+export const PALETTE = ["#15123f", "#2b3c99", "#1f7fb3", "#1fa88f", "#79c142", "#f1d13a", "#f08c2e", "#cf2a33"] as const;
+
 function filmicConstants(): { c: number; top: number } {
   const grey = MIDDLE_GREY ** CONTRAST;
   const white = WHITE ** CONTRAST;
@@ -21,10 +30,34 @@ function filmicConstants(): { c: number; top: number } {
 const { c, top } = filmicConstants();
 const literal = (x: number): string => x.toExponential(9);
 
-/** `vec3 displayed(vec3 radiance)`: exposure, tone curve, sRGB; values in [0, 1]. */
+const asVec3 = (hex: string): string =>
+  `vec3(${[1, 3, 5].map((at) => (Number.parseInt(hex.slice(at, at + 2), 16) / 255).toFixed(4)).join(", ")})`;
+
+/**
+ * `vec3 displayed(vec3 radiance)`: exposure, tone curve, sRGB, or false colour; values in [0, 1].
+ * `float otherShare()`: of the look to compare with, at this pixel.
+ */
 export const DISPLAY_GLSL = `
 uniform float gain;
 uniform int curve;
+uniform highp int meaning;
+uniform float falseTop;
+uniform float share;
+uniform float wipe;
+const vec3 palette[${PALETTE.length}] = vec3[](${PALETTE.map(asVec3).join(", ")});
+
+float otherShare() {
+  return wipe >= 0.0 ? step(wipe, gl_FragCoord.x) : share;
+}
+
+vec3 falseColour(vec3 radiance) {
+  float value = ${literal(LUMENS_PER_WATT)} * dot(radiance, vec3(0.2126, 0.7152, 0.0722));
+  if (meaning == ${MEANINGS.illuminance}) value *= 3.14159265;
+  float t = 1.0 + log(max(value, 1e-30) / falseTop) * ${literal(1 / Math.log(10 ** DECADES))};
+  float at = clamp(t, 0.0, 1.0) * ${literal(PALETTE.length - 1)};
+  int low = min(int(at), ${PALETTE.length - 2});
+  return mix(palette[low], palette[low + 1], at - float(low));
+}
 
 vec3 shoulder(vec3 x) {
   x = min(x, ${literal(WHITE)});
@@ -50,6 +83,7 @@ vec3 encoded(vec3 x) {
 
 vec3 displayed(vec3 radiance) {
   if (curve == ${CURVES.none}) return radiance;
+  if (meaning != ${MEANINGS.picture}) return falseColour(radiance);
   vec3 x = clamp(radiance * gain, 0.0, 1e6);
   return encoded(curve == ${CURVES.filmic} ? filmic(x) : x);
 }
@@ -66,9 +100,16 @@ vec3 unpacked(uint packed) {
 export interface Display {
   gain: { value: number };
   curve: { value: number };
+  meaning: { value: number };
+  falseTop: { value: number };
+  share: { value: number };
+  wipe: { value: number };
 }
 
 /** Uniforms that every material shares. */
 export function makeDisplay(): Display {
-  return { gain: { value: 1 }, curve: { value: CURVES.filmic } };
+  return {
+    gain: { value: 1 }, curve: { value: CURVES.filmic }, meaning: { value: MEANINGS.picture },
+    falseTop: { value: 1000 }, share: { value: 0 }, wipe: { value: -1 },
+  };
 }

@@ -79,6 +79,11 @@ export class Eye {
     this.project();
   }
 
+  /** What is looked at. */
+  get target(): Vector3 {
+    return this.controls.target;
+  }
+
   /** One step; true while there is movement. */
   step(now: number): boolean {
     let moves = false;

@@ -35,6 +35,7 @@ precision highp float;
 ${DISPLAY_GLSL}
 ${SKY_GLSL}
 uniform sampler2D picture;
+uniform sampler2D otherPicture;
 uniform sampler2D coverage;
 in vec2 place;
 in vec3 direction;
@@ -43,7 +44,8 @@ void main() {
   float covered = texture(coverage, place).r;
   bool metered = curve == 2;
   vec3 behind = metered ? vec3(0.0) : sky(normalize(direction));
-  vec3 radiance = texture(picture, place).rgb + (1.0 - covered) * behind;
+  vec3 seen = mix(texture(picture, place).rgb, texture(otherPicture, place).rgb, otherShare());
+  vec3 radiance = seen + (1.0 - covered) * behind;
   pixel = vec4(displayed(radiance), metered ? covered : 1.0);
 }
 `;
@@ -52,6 +54,7 @@ void main() {
 export class PixelPicture {
   readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
   private readonly texture: DataTexture;
+  private readonly other: DataTexture;
   private readonly frame = { value: [0, 0, 1, 1] };
 
   constructor(
@@ -61,6 +64,7 @@ export class PixelPicture {
   ) {
     const [width, height] = shape;
     this.texture = radianceTexture(new Uint32Array(width * height), width, height);
+    this.other = radianceTexture(new Uint32Array(width * height), width, height);
     const covered = new DataTexture(coverage, width, height, RedFormat, UnsignedByteType);
     covered.magFilter = covered.minFilter = LinearFilter;
     covered.unpackAlignment = 1;
@@ -71,7 +75,7 @@ export class PixelPicture {
     geometry.setIndex([0, 1, 2, 2, 1, 3]);
     const slope = { value: [1, 1] };
     const toWorld = { value: null as unknown };
-    const pictures = { picture: { value: this.texture }, coverage: { value: covered } };
+    const pictures = { picture: { value: this.texture }, otherPicture: { value: this.other }, coverage: { value: covered } };
     const uniforms = { ...pictures, frame: this.frame, slope, toWorld };
     const material = new RawShaderMaterial({
       glslVersion: GLSL3,
@@ -97,8 +101,16 @@ export class PixelPicture {
     this.texture.needsUpdate = true;
   }
 
+  /** Rows of a look to compare with; null: no more. */
+  compare(radiance: Uint32Array<ArrayBuffer> | null): void {
+    if (radiance?.length !== this.shape[0] * this.shape[1]) return;
+    (this.other.image as { data: unknown }).data = radiance;
+    this.other.needsUpdate = true;
+  }
+
   dispose(): void {
     this.texture.dispose();
+    this.other.dispose();
     this.mesh.geometry.dispose();
     this.mesh.material.dispose();
   }

@@ -26,25 +26,40 @@ const DEEPEST = 1.5; // as in lighting/regions.py: no soft edge reaches further 
 /** `vec3 sky(vec3 direction)`, unit; see docs/conventions.md for the map and for a disc's edge. */
 export const SKY_GLSL = `
 uniform sampler2D map;
-uniform vec3 skyGain;
-uniform float skyTurn;
+uniform sampler2D otherMap;          // of the look to compare with: the second of everything below
+uniform vec3 skyGain[2];
+uniform float skyTurn[2];
 uniform vec3 backdrop[2];
 uniform bool showsSky;
-uniform int discCount;
-uniform vec4 discs[${MOST_DISCS}];   // direction; depth where the edge begins
-uniform vec4 glows[${MOST_DISCS}];   // radiance; depth where it ends
+uniform int discCount[2];
+uniform vec4 discs[${2 * MOST_DISCS}];   // direction; depth where the edge begins
+uniform vec4 glows[${2 * MOST_DISCS}];   // radiance; depth where it ends
 
-vec3 sky(vec3 d) {
-  if (!showsSky) return mix(backdrop[0], backdrop[1], smoothstep(-0.25, 0.6, d.y)) / gain;
-  float c = cos(skyTurn), s = sin(skyTurn);
+vec2 mapPlace(vec3 d, float turn) {
+  float c = cos(turn), s = sin(turn);
   vec3 m = vec3(c * d.x - s * d.z, d.y, s * d.x + c * d.z);
-  vec2 place = vec2(0.5 + atan(m.x, -m.z) * 0.15915494309, acos(clamp(m.y, -1.0, 1.0)) * 0.31830988618);
-  vec3 radiance = skyGain * texture(map, place).rgb;
-  for (int i = 0; i < discCount; i++) {
+  return vec2(0.5 + atan(m.x, -m.z) * 0.15915494309, acos(clamp(m.y, -1.0, 1.0)) * 0.31830988618);
+}
+
+vec3 discsAlong(vec3 d, int first, int count) {
+  vec3 radiance = vec3(0.0);
+  for (int i = first; i < first + count; i++) {
     vec3 off = d - discs[i].xyz;
     float w = 0.5 * dot(off, off);  // 1 - cos, precise near the middle
     float y = clamp((w - discs[i].w) / max(glows[i].w - discs[i].w, 1e-9), 0.0, 1.0);
     radiance += glows[i].rgb * (1.0 - y * y * (3.0 - 2.0 * y));
+  }
+  return radiance;
+}
+
+vec3 sky(vec3 d) {
+  if (meaning == 2) return vec3(0.0);  // illuminance is of surfaces
+  if (!showsSky) return meaning != 0 ? vec3(0.0) : mix(backdrop[0], backdrop[1], smoothstep(-0.25, 0.6, d.y)) / gain;
+  vec3 radiance = skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb + discsAlong(d, 0, discCount[0]);
+  float t = otherShare();
+  if (t > 0.0) {
+    vec3 other = skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb;
+    radiance = mix(radiance, other + discsAlong(d, ${MOST_DISCS}, discCount[1]), t);
   }
   return radiance;
 }
@@ -76,18 +91,21 @@ void main() {
 }
 `;
 
+/** What of a look is seen behind the scene. */
+export type SkyLook = Pick<Look, "tint" | "scale" | "rotation_deg" | "discs" | "environment" | "sun">;
 export type SkyUniforms = ReturnType<typeof makeSkyUniforms>;
 
 export function makeSkyUniforms() {
   return {
     map: { value: emptyMap() },
-    skyGain: { value: new Vector3(0, 0, 0) },
-    skyTurn: { value: 0 },
+    otherMap: { value: emptyMap() },
+    skyGain: { value: [new Vector3(), new Vector3()] },
+    skyTurn: { value: [0, 0] },
     backdrop: { value: [new Vector3(), new Vector3()] },
     showsSky: { value: true },
-    discCount: { value: 0 },
-    discs: { value: Array.from({ length: MOST_DISCS }, () => new Vector4()) },
-    glows: { value: Array.from({ length: MOST_DISCS }, () => new Vector4()) },
+    discCount: { value: [0, 0] },
+    discs: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
+    glows: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
   };
 }
 
@@ -135,17 +153,17 @@ function emptyMap(): DataTexture {
   return radianceTexture(new Uint32Array(1), 1, 1);
 }
 
-/** Set the sky's uniforms to a look. */
-export function showLook(uniforms: SkyUniforms, look: Look): void {
+/** Set the sky's uniforms to a look; `side` 1: the one to compare with. */
+export function showLook(uniforms: SkyUniforms, look: SkyLook, side: 0 | 1 = 0): void {
   const [red, green, blue] = look.tint;
-  uniforms.skyGain.value.set(red, green, blue).multiplyScalar(look.scale);
-  uniforms.skyTurn.value = (look.rotation_deg * Math.PI) / 180;
-  uniforms.discCount.value = Math.min(look.discs.length, MOST_DISCS);
+  uniforms.skyGain.value[side]?.set(red, green, blue).multiplyScalar(look.scale);
+  uniforms.skyTurn.value[side] = (look.rotation_deg * Math.PI) / 180;
+  uniforms.discCount.value[side] = Math.min(look.discs.length, MOST_DISCS);
   look.discs.slice(0, MOST_DISCS).forEach((disc, i) => {
     const [begins, ends] = depths(disc);
     const { x, y, z } = pointing(disc.azimuth_deg, disc.elevation_deg);
-    uniforms.discs.value[i]?.set(x, y, z, begins);
-    uniforms.glows.value[i]?.set(...disc.radiance, ends);
+    uniforms.discs.value[side * MOST_DISCS + i]?.set(x, y, z, begins);
+    uniforms.glows.value[side * MOST_DISCS + i]?.set(...disc.radiance, ends);
   });
 }
 

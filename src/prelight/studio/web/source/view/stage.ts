@@ -1,17 +1,17 @@
 // The stage: a canvas, what stands on it, and when it is drawn: only when something has changed.
 
-import { LinearSRGBColorSpace, NoToneMapping, Scene, Vector3, WebGLRenderer } from "three";
+import { LinearSRGBColorSpace, type Mesh, NoToneMapping, Scene, Sphere, Vector3, WebGLRenderer } from "three";
 import { fetchSky, type Geometry } from "../geometry";
 import type { CameraView, Welcome } from "../messages";
 import type { Frame } from "../frames";
 import type { Metrics } from "../metrics";
-import type { Look } from "../rig";
+import { type Look, skyId } from "../rig";
 import { newContext } from "./context";
-import { CURVES, type Curve, makeDisplay } from "./display";
+import { CURVES, type Curve, MEANINGS, type Meaning, makeDisplay } from "./display";
 import { Eye } from "./eye";
 import { metered } from "./meter";
 import { PixelPicture } from "./pixels";
-import { makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
+import { type SkyLook, makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
 import { Surface } from "./surface";
 import { UnfinishedPicture } from "./unfinished";
 
@@ -29,8 +29,12 @@ export class Stage {
   private shown: Surface | PixelPicture | null = null;
   private waiting: Frame | null = null;
   private isWanted = false;
-  private skyId = "";
+  private readonly skyIds: [string, string] = ["", ""]; // of what is lit, and of the look to compare with
+  private readonly arrived: [string, string] = ["", ""];
+  private readonly wantedSkies: [string, string] = ["", ""]; // the choices that these are of
+  private isFetching = false;
   private covered = { right: 0, bottom: 0 };
+  private wipe: number | null = null;
   private prepare: () => void = () => undefined;
   private drawn: () => void = () => undefined;
 
@@ -67,7 +71,7 @@ export class Stage {
       const covered = geometry.coverage ?? new Uint8Array(welcome.receivers).fill(255);
       this.shown = new PixelPicture(welcome.pixels, covered, { display, sky });
     } else {
-      this.shown = new Surface(this.renderer, geometry, display);
+      this.shown = new Surface(this.renderer, geometry, { display, sky });
       this.eye.frame(this.shown.sphere.center, this.shown.sphere.radius);
       this.scene.add(makeSky(sky, display));
     }
@@ -89,7 +93,40 @@ export class Stage {
 
   showLook(look: Look): void {
     showLook(this.sky, look);
-    if (look.environment !== this.skyId) void this.changeSky(look.environment);
+    this.needSky(look, 0);
+    this.invalidate();
+  }
+
+  /** Another light of the scene, to compare with; null: no more. */
+  compare(look: SkyLook | null, radiance: Uint32Array<ArrayBuffer> | null): void {
+    this.shown?.compare(radiance);
+    if (look === null) {
+      this.mix({ share: 0, wipe: null });
+      return;
+    }
+    showLook(this.sky, look, 1);
+    this.needSky(look, 1);
+    this.invalidate();
+  }
+
+  /** How much of the other light is seen: a share of it, or all of it right of a place from 0 to 1 of the free part. */
+  mix({ share, wipe }: { share: number; wipe: number | null }): void {
+    this.display.share.value = share;
+    this.wipe = wipe;
+    this.placeWipe();
+    this.invalidate();
+  }
+
+  /** What each portal's glass lets through, in the order of the studio's list. */
+  setPanes(through: readonly (readonly [number, number, number])[]): void {
+    if (this.shown instanceof Surface) this.shown.setPanes(through);
+    this.invalidate();
+  }
+
+  /** The picture, or false colour; `top` is the largest value, in cd/m² or lx. */
+  setMeaning(meaning: Meaning, top: number): void {
+    this.display.meaning.value = MEANINGS[meaning];
+    this.display.falseTop.value = top;
     this.invalidate();
   }
 
@@ -117,14 +154,33 @@ export class Stage {
     this.resize();
   }
 
+  /** What the scene's surfaces are, for rays; null where there are only pixels. */
+  get surface(): Mesh | null {
+    return this.shown instanceof Surface ? this.shown.mesh : null;
+  }
+
+  /** Its middle and its size. */
+  get sphere(): Sphere {
+    return this.shown instanceof Surface ? this.shown.sphere : new Sphere(new Vector3(), 1);
+  }
+
+  /** The width of what the panel leaves free, in pixels of the page. */
+  get freeWidth(): number {
+    return this.host.clientWidth - this.covered.right;
+  }
+
   /** The exposure, in stops, that the light meter would choose; null in the dark. */
   meter(): number | null {
     const { curve } = this.display;
+    const { meaning } = this.display;
     const before = curve.value;
+    const meant = meaning.value;
     curve.value = CURVES.none;
+    meaning.value = MEANINGS.picture;
     this.uploadWaiting();
     const stops = metered(this.renderer, () => this.renderer.render(this.scene, this.eye.camera));
     curve.value = before;
+    meaning.value = meant;
     return stops;
   }
 
@@ -203,20 +259,50 @@ export class Stage {
     const size = { width, height, ...this.covered };
     if (this.shown instanceof PixelPicture) this.shown.fit(size);
     this.eye.resize(size);
+    this.placeWipe();
     this.invalidate();
   }
 
-  private async changeSky(id: string): Promise<void> {
-    this.skyId = id;
-    try {
-      const map = skyMap(await fetchSky(id));
-      if (id !== this.skyId) return;
-      this.sky.map.value.dispose();
-      this.sky.map.value = map;
-      this.metrics.sky = id;
-      this.invalidate();
-    } catch {
-      if (id === this.skyId) this.skyId = ""; // asked for again with the next change
+  private placeWipe(): void {
+    const free = (this.host.clientWidth - this.covered.right) * this.renderer.getPixelRatio();
+    this.display.wipe.value = this.wipe === null ? -1 : this.wipe * free;
+  }
+
+  /** Ask for a map that is not there; while one is on its way only the newest of the later ones will be asked for. */
+  private needSky(look: SkyLook, side: 0 | 1): void {
+    const id = skyId(look);
+    if (id === this.skyIds[side]) return;
+    this.skyIds[side] = id;
+    this.wantedSkies[side] = look.environment;
+    if (!this.isFetching) void this.changeSkies();
+  }
+
+  private async changeSkies(): Promise<void> {
+    this.isFetching = true;
+    const known = ["", ""];
+    for (let side = this.missing(known); side !== null; side = this.missing(known)) {
+      const id = this.skyIds[side] ?? "";
+      known[side] = id;
+      try {
+        const map = skyMap(await fetchSky(id));
+        const place = side === 0 ? this.sky.map : this.sky.otherMap;
+        place.value.dispose();
+        place.value = map;
+        this.arrived[side] = id;
+        if (side === 0 && id === this.skyIds[0]) this.metrics.sky = this.wantedSkies[0];
+        this.invalidate();
+      } catch {
+        if (id === this.skyIds[side]) this.skyIds[side] = ""; // asked for again with the next change
+      }
     }
+    this.isFetching = false;
+  }
+
+  private missing(tried: readonly string[]): 0 | 1 | null {
+    for (const side of [0, 1] as const) {
+      const id = this.skyIds[side] ?? "";
+      if (id !== "" && id !== this.arrived[side] && id !== tried[side]) return side;
+    }
+    return null;
   }
 }

@@ -13,10 +13,14 @@ import {
   SRGBColorSpace,
   Sphere,
   Texture,
+  Vector3,
   type WebGLRenderer,
 } from "three";
 import { fetchTexture, type Geometry } from "../geometry";
-import { DISPLAY_GLSL, type Display, UNPACK_GLSL } from "./display";
+import { DISPLAY_GLSL, type Display, MEANINGS, UNPACK_GLSL } from "./display";
+import { SKY_GLSL, type SkyUniforms } from "./sky";
+
+const MOST_PANES = 128;
 
 const VERTEX = `
 precision highp float;
@@ -31,13 +35,36 @@ out vec2 place;
 #endif
 in uint radiance;
 out vec3 light;
+#ifdef COMPARED
+in uint other;
+out vec3 otherLight;
+#endif
+uniform highp int meaning;
+#ifdef PANES
+uniform vec3 panes[${MOST_PANES}];
+uniform vec3 eye;
+in float pane;
+out float isPane;
+out vec3 through;
+out vec3 along;
+#endif
 ${UNPACK_GLSL}
 void main() {
 #ifdef TEXTURED
   place = uv;
-  light = unpacked(radiance) * tint;
+  vec3 colour = tint;
 #else
-  light = unpacked(radiance) * albedo;
+  vec3 colour = albedo;
+#endif
+  if (meaning == ${MEANINGS.illuminance}) colour = vec3(1.0);
+  light = unpacked(radiance) * colour;
+#ifdef COMPARED
+  otherLight = unpacked(other) * colour;
+#endif
+#ifdef PANES
+  isPane = min(pane, 1.0);
+  through = panes[min(int(max(pane, 1.0) + 0.5), ${MOST_PANES}) - 1];
+  along = position - eye;
 #endif
   gl_Position = projectionMatrix * (modelViewMatrix * vec4(position, 1.0));
 }
@@ -46,18 +73,34 @@ void main() {
 const FRAGMENT = `
 precision highp float;
 ${DISPLAY_GLSL}
+#ifdef PANES
+${SKY_GLSL}
+in float isPane;
+in vec3 through;
+in vec3 along;
+#endif
 in vec3 light;
 #ifdef TEXTURED
 uniform sampler2D surface;
 in vec2 place;
 #endif
+#ifdef COMPARED
+in vec3 otherLight;
+#endif
 out vec4 pixel;
 void main() {
-#ifdef TEXTURED
-  pixel = vec4(displayed(light * texture(surface, place).rgb), 1.0);
+#ifdef COMPARED
+  vec3 seen = mix(light, otherLight, otherShare());
 #else
-  pixel = vec4(displayed(light), 1.0);
+  vec3 seen = light;
 #endif
+#ifdef TEXTURED
+  if (meaning != ${MEANINGS.illuminance}) seen *= texture(surface, place).rgb;
+#endif
+#ifdef PANES
+  if (isPane > 0.5) seen = through * sky(normalize(along));
+#endif
+  pixel = vec4(displayed(seen), 1.0);
 }
 `;
 
@@ -72,8 +115,13 @@ export class Surface {
   private readonly count: number;
   private buffer: WebGLBuffer | null = null;
   private latest: Uint32Array<ArrayBuffer> | null = null;
+  private other: Uint32Array<ArrayBuffer> | null = null;
+  private otherBuffer: WebGLBuffer | null = null;
 
-  constructor(renderer: WebGLRenderer, geometry: Geometry, display: Display) {
+  private readonly panes = { value: Array.from({ length: MOST_PANES }, () => new Vector3(1, 1, 1)) };
+  private readonly eye = { value: new Vector3() };
+
+  constructor(renderer: WebGLRenderer, geometry: Geometry, { display, sky }: { display: Display; sky: SkyUniforms }) {
     this.gl = renderer.getContext() as WebGL2RenderingContext;
     this.count = geometry.positions.length / 3;
     const { order, groups } = byTexture(geometry);
@@ -83,14 +131,19 @@ export class Surface {
       this.shape.setAttribute("tint", new BufferAttribute(geometry.tint, 3));
       this.shape.setAttribute("uv", new BufferAttribute(geometry.uv, 2));
     }
+    if (geometry.pane !== null) {
+      this.shape.setAttribute("pane", new BufferAttribute(Float32Array.from(geometry.pane), 1));
+    }
     this.shape.setIndex(new BufferAttribute(order, 1));
     groups.forEach(({ start, count }, i) => this.shape.addGroup(start, count, i));
     this.makeBuffer();
     const used = order.length > 0;
     this.shape.computeBoundingSphere();
     this.sphere = used && this.shape.boundingSphere ? this.shape.boundingSphere : new Sphere();
-    const materials = groups.map(({ texture }) => material(display, texture, renderer));
+    const seen = geometry.pane === null ? {} : { ...sky, panes: this.panes, eye: this.eye };
+    const materials = groups.map(({ texture }) => material({ ...display, ...seen }, texture, renderer));
     this.mesh = new Mesh(this.shape, materials);
+    this.mesh.onBeforeRender = (_renderer, _scene, camera) => this.eye.value.setFromMatrixPosition(camera.matrixWorld);
     this.mesh.frustumCulled = false;
   }
 
@@ -102,9 +155,34 @@ export class Surface {
     this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance);
   }
 
+  /** What each portal's glass lets through, from the first. */
+  setPanes(through: readonly (readonly [number, number, number])[]): void {
+    through.slice(0, MOST_PANES).forEach((colour, i) => this.panes.value[i]?.set(...colour));
+  }
+
+  /** Rows of a look to compare with; null: no more. */
+  compare(radiance: Uint32Array<ArrayBuffer> | null): void {
+    if (radiance !== null && radiance.length !== this.count) return;
+    this.other = radiance;
+    this.gl.deleteBuffer(this.otherBuffer);
+    this.otherBuffer = null;
+    if (radiance !== null) {
+      this.otherBuffer = this.rowsBuffer("other");
+      this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance);
+    } else {
+      this.shape.deleteAttribute("other");
+    }
+    for (const material of this.mesh.material) {
+      if (radiance !== null) material.defines["COMPARED"] = 1;
+      else delete material.defines["COMPARED"];
+      material.needsUpdate = true;
+    }
+  }
+
   dispose(): void {
     this.shape.dispose();
     this.gl.deleteBuffer(this.buffer);
+    this.gl.deleteBuffer(this.otherBuffer);
     for (const material of this.mesh.material) {
       (material.uniforms["surface"]?.value as Texture | undefined)?.dispose();
       material.dispose();
@@ -113,13 +191,20 @@ export class Surface {
 
   /** A buffer of our own, so that an update is one call; made again after a lost context. */
   makeBuffer(): void {
-    const { gl, count } = this;
-    this.buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, 4 * count, gl.STREAM_DRAW);
-    const rows = new GLBufferAttribute(this.buffer, gl.UNSIGNED_INT, 1, 4, count);
-    this.shape.setAttribute("radiance", rows as unknown as BufferAttribute); // three takes both; its types do not say
+    this.buffer = this.rowsBuffer("radiance");
     if (this.latest !== null) this.upload(this.latest);
+    if (this.other !== null) this.compare(this.other);
+  }
+
+  /** A buffer for a word a row, bound, as an attribute of the shape. */
+  private rowsBuffer(name: string): WebGLBuffer | null {
+    const { gl, count } = this;
+    const buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, 4 * count, gl.STREAM_DRAW);
+    const rows = new GLBufferAttribute(buffer, gl.UNSIGNED_INT, 1, 4, count);
+    this.shape.setAttribute(name, rows as unknown as BufferAttribute); // three takes both; its types do not say
+    return buffer;
   }
 }
 
@@ -154,11 +239,14 @@ function byTexture(geometry: Geometry): { order: Uint32Array<ArrayBuffer>; group
   return { order, groups: groups.filter(({ count }) => count > 0) };
 }
 
-function material(display: Display, texture: number | null, renderer: WebGLRenderer): RawShaderMaterial {
-  const uniforms = texture === null ? { ...display } : { ...display, surface: { value: picture(texture, renderer) } };
+type Uniforms = Record<string, { value: unknown }>;
+
+function material(shared: Uniforms, texture: number | null, renderer: WebGLRenderer): RawShaderMaterial {
+  const uniforms = texture === null ? { ...shared } : { ...shared, surface: { value: picture(texture, renderer) } };
+  const panes = "panes" in shared ? { PANES: 1 } : {};
   return new RawShaderMaterial({
     glslVersion: GLSL3,
-    defines: texture === null ? {} : { TEXTURED: 1 },
+    defines: texture === null ? { ...panes } : { ...panes, TEXTURED: 1 },
     uniforms,
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
