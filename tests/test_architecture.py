@@ -135,7 +135,8 @@ def test_dependencies_are_declared_and_used() -> None:
         return re.split(r"[<>=!~ \[]", requirement)[0].lower().replace("_", "-")
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    declared = {spelled(r) for r in project["dependencies"] + project["optional-dependencies"]["bake"]}
+    extras = project["optional-dependencies"]
+    declared = {spelled(r) for r in project["dependencies"] + extras["bake"] + extras["film"]}
     owner = packages_distributions()
     used = {
         spelled(owner.get(module, [module])[0])

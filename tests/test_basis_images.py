@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from prelight.bases import spherical_harmonics as sh
+from prelight.bases.exponentials import ExponentialAxis, ExponentialBasis
 from prelight.bases.panels import PanelBasis
 from prelight.bases.products import ProductBasis
 from prelight.bases.steering import SpotBasis
@@ -22,8 +23,15 @@ from prelight.relighting.deep_buffer import DeepBuffer
 from prelight.scene.geometry import Scene
 from prelight.transport.basis_images import BasisTracer, ImageSettings, TracedRows
 from prelight.transport.deep_buffer import deep_samples
-from prelight.transport.span_kernels import add_pixels, harmonic_scales
-from prelight.transport.steered_lamps import SteeredLamp, SteeredPanel, SteeredSpot, lamp_from_dict
+from prelight.transport.span_kernels import add_pixels, span_shape
+from prelight.transport.steered_lamps import (
+    SteeredBox,
+    SteeredLamp,
+    SteeredPanel,
+    SteeredSky,
+    SteeredSpot,
+    lamp_from_dict,
+)
 from prelight.transport.steered_reference import Emission, path_traced_picture
 
 from .steered import EYE, LAMP_AT, room
@@ -179,20 +187,33 @@ def test_nothing_is_compiled_from_one_tile_to_the_next(mirrored: tuple[Scene, Su
 
 def test_span_functions_are_those_of_the_bases(rng: np.random.Generator) -> None:
     """One path with one contribution: the image of each function is its value."""
-    d, at = rng.normal(size=3), rng.uniform(size=2)
+    d, at = rng.normal(size=3), rng.uniform(size=3)
     d /= np.linalg.norm(d)
-    for periods, degree in (((0, 0), 7), ((2, 3), None), ((1, 2), 3)):
-        carried = np.array([[2.0, 1.0, 0.5, at[0]]], np.float32)
+    sides = (0, 0, 0), (1, 0, 0), (0, 1, 0)
+    terms = ((0.0, 0.0, 3), (-2.0, 5.0, 1))
+    directed, flat = sh.evaluate(3, d.reshape(1, 3))[0], at[None, :2]
+    axis = ExponentialAxis(tuple((complex(a, b), k) for a, b, k in terms))
+    for lamp, expected in (
+        (SteeredSpot((0, 0, 0), 3), directed),
+        (SteeredSpot((0, 0, 0), 0), directed[:1]),
+        (SteeredSky(3), directed),
+        (SteeredPanel(*sides, (2, 3)), PanelBasis((2, 3)).evaluate(flat)[0]),
+        (SteeredPanel(*sides, (1, 2), 3), np.kron(PanelBasis((1, 2)).evaluate(flat)[0], directed)),
+        (SteeredPanel(*sides, (0, 0), None, terms), ExponentialBasis((axis, axis)).evaluate(flat)[0]),
+        (SteeredBox(*sides, (0, 0, 1), (1, 2, 3)), PanelBasis((1, 2, 3)).evaluate(at[None])[0]),
+    ):
         left = np.array([[*d, at[1]]], np.float32)
-        waves = PanelBasis(periods).evaluate(at.reshape(1, 2))[0]
-        expected = waves if degree is None else np.kron(waves, sh.evaluate(degree, d.reshape(1, 3))[0])
+        if isinstance(lamp, SteeredBox):
+            left[0, :3] = at[2], 0.0, 0.0
+        carried = np.array([[2.0, 1.0, 0.5, at[0]]], np.float32)
+        assert lamp.functions == len(expected)
         mean, variance = np.empty((1, 3, len(expected)), np.float32), np.empty((1, len(expected)), np.float32)
         add_pixels(
-            1, (carried, left), np.ones(1, np.uint32), harmonic_scales(degree), periods,
+            1, (carried, left), np.ones(1, np.uint32), span_shape(lamp),
             np.zeros((0, len(expected))), mean, variance, *np.zeros((2, 1, 0, 3)),
         )  # fmt: skip
         for channel, colour in enumerate((2.0, 1.0, 0.5)):
-            assert np.allclose(mean[0, channel], colour * expected, atol=2e-5)
+            assert np.allclose(mean[0, channel], colour * expected, atol=2e-5), lamp
 
 
 def test_the_first_bounce_of_a_narrow_beam_is_exact(mirrored: tuple[Scene, SurfaceScene]) -> None:
@@ -244,8 +265,20 @@ def test_lamps_refuse_nonsense() -> None:
         lambda: lamp_from_dict({"kind": "sun"}),
         lambda: lamp_from_dict({"kind": "spot", "colour": 3}),
         lambda: ImageSettings(width=0),
+        lambda: SteeredBox((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1, 1)),
+        lambda: SteeredBox((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 0)),
+        lambda: SteeredBox((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (5, 5, 5)),
+        lambda: SteeredBox((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1)),
+        lambda: SteeredSky(-1),
+        lambda: SteeredPanel((0, 0, 0), (1, 0, 0), (0, 1, 0), terms=((0.0, 0.0, 40),)),
+        lambda: SteeredPanel((0, 0, 0), (1, 0, 0), (0, 1, 0), terms=((0.0, 0.0, 1), (0.0, 0.0, 1))),
+        lambda: SteeredPanel((0, 0, 0), (1, 0, 0), (0, 1, 0), terms=((float("nan"), 0.0, 1),)),
     ):
         with pytest.raises(InputError):
             make()
-    for lamp in (SteeredSpot((1, 2, 3), 4), SteeredPanel((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 2), 1)):
+    sides = (0, 0, 0), (1, 0, 0), (0, 1, 0)
+    for lamp in (
+        SteeredSpot((1, 2, 3), 4), SteeredPanel(*sides, (1, 2), 1), SteeredSky(3), SteeredBox(*sides, (0, 0, 2)),
+        SteeredPanel(*sides, (0, 0), 2, ((0.0, 0.0, 2), (-1.0, 3.0, 0))),
+    ):  # fmt: skip
         assert lamp_from_dict(lamp.to_dict()) == lamp

@@ -22,7 +22,7 @@ from prelight.baking.light_cells import cell_samples, light_cells, solid_angles_
 from prelight.bases.cube_map import face_coordinates
 from prelight.camera import Camera
 from prelight.checking.against import Comparison
-from prelight.encoding.row_wavelet_kernels import multiply_rows
+from prelight.encoding.row_wavelet_kernels import colour_halves, multiply_rows
 from prelight.encoding.vertex_tree import halves, left_shares, vertex_order
 from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
@@ -281,12 +281,20 @@ def test_a_bounce_by_its_few_entries(rng):
         counts, sums, scales, steps, codes = thinned(matrix, (place, left), threshold)
         starts = np.concatenate([[0], np.cumsum(counts)])
         out = np.empty((len(counts), 3), np.float32)
-        multiply_rows((starts, steps, codes, sums, scales), halves(light * 0 + 1, order, left), out)
+        multiply_rows((starts, steps, codes, sums, scales), nodes_of(light * 0 + 1, order, left), out)
         np.testing.assert_allclose(out, np.repeat(sums[:, None], 3, axis=1), rtol=1e-5)
         if tolerance:
-            multiply_rows((starts, steps, codes, sums, scales), halves(light, order, left), out)
+            multiply_rows((starts, steps, codes, sums, scales), nodes_of(light, order, left), out)
             full = gathering.bounce(np.ascontiguousarray((light / scene.albedo)[:, None]))[:, 0]
             np.testing.assert_allclose(out, full, rtol=0, atol=tolerance * full.max())
+
+
+def nodes_of(light: np.ndarray, order: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Both ways of halving are one."""
+    nodes, means = np.empty((len(left), 4), np.float32), np.empty((2 * len(left), 4), np.float32)
+    colour_halves(light, np.ones_like(light), order, left, means, nodes)
+    np.testing.assert_allclose(nodes[:, :3], halves(light, order, left), atol=1e-6)
+    return nodes
 
 
 def _areas(bake) -> np.ndarray:

@@ -91,7 +91,7 @@ def test_keys_are_checked(rig, keys: str) -> None:
 
 def test_what_has_nothing_between_is_refused() -> None:
     spot, panel = Spot((1, 1, 1), direction=(0, 1, 0)), Panel((0.5, 0.5), (0.5, 0.5), (1, 1, 1))
-    with pytest.raises(InputError, match="nothing between a spot and a panel"):
+    with pytest.raises(InputError, match="nothing between lights of two kinds"):
         Track((0.0, 1.0), (spot, panel))
     with pytest.raises(InputError, match="as many times as lights"):
         Track((0.0,), (spot, spot))
@@ -131,7 +131,7 @@ def test_frames_follow_the_light(prelight, bake: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["rig.toml", "-o", "a.mp4"], "ending in .webp or .gif, or with {frame}"),
+        (["rig.toml", "-o", "a.avi"], "ending in .mp4, .webp or .gif, or with {frame}"),
         (["rig.toml", "-o", "a.png"], "or with {frame}"),
         (["still.toml", "-o", "a.webp"], "none of its lights has keys"),
         (["rig.toml", "-o", "a.webp", "--fps", "0"], "expected 0.1 to 240"),

@@ -121,7 +121,7 @@ def test_the_layout_asked_for_is_that_of_the_map(rig, tmp_path: Path) -> None:
         ("a rig", "not a TOML rig", None),
         ("a = " + "[" * 50_000, "not a TOML rig", None),
         (MAP + "scale = 1" + "0" * 5000, "thousands of digits", None),
-        ("lamp = 1\n" + MAP, "'lamp' is not known here; known are environment, disc, paint", "/lamp"),
+        ("bulb = 1\n" + MAP, "'bulb' is not known here; known are environment, ", "/bulb"),
         (MAP + "blur = 1", "'blur' is not known here; known are map, layout, rotate_deg", "/environment/blur"),
         (DISC + "watts = 1", "'watts' is not known here; known are direction", "/disc/0/watts"),
         ("[environment]\nscale = 1", "map is missing", "/environment/map"),

@@ -151,7 +151,9 @@ def test_errors_have_their_place(rig, text: str) -> None:
 
 def test_the_documents_example_is_read_and_names_every_key(rig) -> None:
     text = (Path(__file__).resolve().parents[1] / "docs" / "rig.md").read_text(encoding="utf-8")
-    _, example, moving = re.findall(r"^```toml\n(.*?)^```$", text, re.M | re.S)
+    blocks = re.findall(r"^```toml\n(.*?)^```$", text, re.M | re.S)
+    (example,) = (block for block in blocks if 'layer = "key"' in block)
+    (moving,) = (block for block in blocks if 'ease = "smooth"' in block)
     assert rig(moving)[0].distribution.width_deg == pytest.approx(70)
     assert len(rig(example)) == 2
     for shape in ("power", "polynomial", "ies"):  # each instead of the width

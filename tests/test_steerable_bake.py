@@ -139,8 +139,6 @@ def test_the_first_bounce_apart_and_the_later_ones_make_the_whole(scene: Any, tm
         pictures.append(live.radiance + first_bounces(live, open_deep(bake), [light]))
         assert (live.radiance.mean() < 0.5 * pictures[0].mean()) == bool(deep)
     assert abs(pictures[1].mean() / pictures[0].mean() - 1) < 0.03
-    with pytest.raises(InputError, match="panel"):
-        SteerableSettings((PANEL,), images=IMAGES, deep=4)
     rewrite_manifest(bake.path, lambda m: m["arrays"].pop("layers/key/deep_colours"))
     with pytest.raises(DamagedBakeError):
         Bake.open(bake.path)
@@ -292,13 +290,6 @@ def test_moving_pictures_have_the_first_bounce_too(prelight: Any, deep: Bake, tm
     assert np.allclose(last, expected, atol=2e-3 * expected.max())
 
 
-def test_a_bake_without_its_first_bounce_is_not_solved(prelight: Any, deep: Bake, tmp_path: Path) -> None:
-    answer = prelight("solve", deep.path, "-t", tmp_path / "a.exr", "-o", tmp_path / "a.toml")
-    assert answer.code == 2
-    assert "without --deep" in answer.err
-    assert answer.err.count("\n") == 1
-
-
 def test_rigs_and_options_that_do_not_belong_are_one_line(prelight: Any, bake: Bake, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     spot = "[[spot]]\nlayer = 'key'\ntarget = [0, 0, 0]\n"
@@ -350,4 +341,4 @@ def test_the_format_is_specified(bake: Bake, deep: Bake) -> None:
     assert np.allclose(first, first_bounces(live, open_deep(deep), [spot]), atol=1e-5 * first.max())
     listed = set(re.findall(r"^    (\w+)/ .*zarr\.json", text.split("layers/NAME/")[1], re.M))
     there = {name.split("/")[2] for one in (bake, deep) for name in one.manifest.arrays if name[0] == "l"}
-    assert there == listed
+    assert there | {"deep_places"} == listed  # of panels: test_steerable_hybrids

@@ -75,15 +75,16 @@ def test_arrays_are_sound(scene: Scene) -> None:
     assert scene.positions.shape == scene.normals.shape == scene.albedo.shape == (n, 3)
     assert np.isfinite(scene.positions).all()
     assert np.abs(np.linalg.norm(scene.normals, axis=1) - 1).max() < 1e-6
-    assert scene.albedo.min() >= 0.01
-    assert scene.albedo.max() <= 0.86
+    matte = np.array([material.transmission == 0 for material in scene.materials])[scene.material_of_vertex]
+    assert scene.albedo[matte].min() >= 0.01
+    assert scene.albedo[matte].max() <= 0.86
     assert np.array_equal(np.unique(scene.triangles), np.arange(n))
     assert not zero_area(scene.positions, scene.triangles).any()
 
 
 def test_normals_agree_with_the_triangles(scene: Scene) -> None:
     found = vertex_normals(scene.positions, scene.triangles)
-    coarse = scene.name in ("still-life-small", "room-small")
+    coarse = scene.name in ("still-life-small", "room-small", "car", "car-small", "town")
     least = 0.7 if scene.name == "steerable-small" else 0.85 if coarse else 0.97  # necks of chessmen
     assert (found * scene.normals).sum(axis=1).min() > least
     a, b, c = (scene.positions[scene.triangles[:, k]].astype(float) for k in range(3))
@@ -95,9 +96,10 @@ def test_normals_agree_with_the_triangles(scene: Scene) -> None:
 def test_sizes_are_as_the_catalogue_says(name: str) -> None:
     scene = stock_scene(name)
     count = len(scene.positions)
-    assert count <= (5_000 if "small" in name else 30_000)
+    large = 2 if name.startswith(("portals", "chapel", "car", "town")) else 1
+    assert count <= large * (5_000 if "small" in name else 30_000)
     assert count >= (3_000 if "small" in name else 15_000)
-    assert scene.name == (name if name != "environment" else "sculpture")
+    assert scene.name == {"environment": "sculpture", "cloud": "maze"}.get(name, name)
     said = re.search(r"[\d,]+ receivers", STOCK_SCENES[name].title)
     assert said is None or said[0] == f"{count:,} receivers"
     assert list(scene.cameras) == ["front", "close"]
@@ -110,9 +112,7 @@ def test_a_scene_is_the_same_every_time() -> None:
 
 
 def test_an_unknown_name_lists_the_known() -> None:
-    with pytest.raises(
-        InputError, match=r"stock:teapot: .*sculpture, sculpture-small, cornell, .*environment"
-    ):
+    with pytest.raises(InputError, match=r"stock:teapot: .*sculpture, cornell, .*environment, .*-small"):
         stock_scene("teapot")
     with pytest.raises(InputError, match=r"^detail: 9"):
         sculpture(detail=9)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from prelight.bases import spherical_harmonics as sh
 from prelight.bases.panels import PanelBasis
 from prelight.bases.products import ProductBasis
 from prelight.bases.steering import SpotBasis
+from prelight.drawing.figures import enlarged, panels, save_figure
+from prelight.drawing.picture import Picture
 from prelight.rays.surfaces import SurfaceScene
 from prelight.scene.stock import chess
 from prelight.scene.stock.catalogue import stock_scene
@@ -30,6 +33,9 @@ class Setting:
     samples: int
     light_paths: int
     depth: int = 10
+    reference_samples: int = 4096
+    rivals: dict[str, str] = field(default_factory=dict)  # folders where they are installed
+    results: Path = Path(__file__).parent / "results"
 
     @cached_property
     def scene(self) -> Any:
@@ -64,6 +70,13 @@ class Setting:
         """Span images (S, pixels, 3)."""
         rows, total = self.traced(self.tracer(lamp, **changed))
         return np.ascontiguousarray((rows.images + total.images).transpose(2, 0, 1))
+
+    def sheet(self, pictures: list[np.ndarray], captions: list[str], name: str) -> None:
+        """Pictures (pixels, 3) of one exposure beside each other."""
+        shown = [np.maximum(p, 0).reshape(self.size, self.size, 3).astype(np.float32) for p in pictures]
+        stops = min(Picture(p).stops("auto") for p in shown) - 0.7
+        displayed = [enlarged(Picture(p).display(exposure=stops), at_least=384) for p in shown]
+        save_figure(panels(displayed, captions), self.results / f"{name}.png", force=True)
 
 
 def spot(degree: int, *, radius: float = 0.02) -> SteeredSpot:

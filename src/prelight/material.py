@@ -16,7 +16,7 @@ STORED_TEXTURE = "stored_texture"  # in ``Material.bsdf``: {"type": "stored_text
 BSDF_PLUGINS = frozenset({
     "diffuse", "dielectric", "thindielectric", "roughdielectric", "conductor", "roughconductor", "plastic",
     "roughplastic", "pplastic", "principled", "principledthin", "bumpmap", "normalmap", "blendbsdf", "mask",
-    "twosided", "null", "hair", "checkerboard", "mesh_attribute", "rgb", "srgb", "spectrum", "uniform",
+    "twosided", "null", "hair", "phong", "checkerboard", "mesh_attribute", "rgb", "srgb", "spectrum", "uniform",
     STORED_TEXTURE,
 })  # fmt: skip
 _DEEPEST = 8

@@ -23,6 +23,7 @@ from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
 from ..transport.spreading import Spreading
 from ..transport.viewed_gathering import ViewedGathering
+from .caustics import Caustics, find_caustics
 from .first_bounce import FirstBounce, first_bounce
 from .fitness import even_sky_fitness
 from .layer_receivers import LayerReceivers
@@ -57,6 +58,7 @@ class BouncedPart:
     held: float  # share of the area whose mesh is fine enough for an even sky's light
     edge: float  # metres, the longest edge that would hold it nearly everywhere; infinite where it does
     first: FirstBounce | None = None  # where all rows are Lambertian vertices
+    caustics: Caustics | None = None  # where a material needs them; at all vertices
 
 
 class BouncedLight:
@@ -83,7 +85,7 @@ class BouncedLight:
 
     def found(self, *, lanes: int) -> BouncedPart:
         """Trace, bounce and factor."""
-        layer, scene = self._layer, self._layer.scene
+        layer, scene = self._layer, self._layer.bouncing
         told = partial(_within, self._report)
         gathering = Gathering.trace(
             scene, layer.occluders, rays=self._rays, memory=self._memory,
@@ -94,12 +96,20 @@ class BouncedLight:
         transfer = DiffuseTransfer(layer.occluders, layer.origins, scene.normals)
         light = CellLight(transfer, cells, R)
         for share in light.trace(lanes=lanes):
-            told(0.3, 0.4)(share)
+            told(0.3, 0.35)(share)
+        caustics = None
+        if layer.photons:
+            caustics = find_caustics(
+                layer.scene, layer.occluders, cells, R, photons=layer.photons, report=told(0.35, 0.4)
+            )
         viewed = self._viewed(gathering)
-        colours = 1 if gathering.is_grey and not viewed else 3
-        modes, forth = self._range(gathering, light, viewed, cells, colours, told(0.4, 0.65))
+        colours = 1 if gathering.is_grey and not viewed and (caustics is None or caustics.colours == 1) else 3
+        direct = self._direct(gathering, light, cells, colours)
+        if caustics is not None:
+            caustics.add(_mixtures(cells, R, colours), direct)
+        modes, forth = self._range(gathering, direct, viewed, told(0.4, 0.65))
         Q, back = self._sources(gathering, modes, viewed, colours, told(0.65, 0.9))
-        weights = self._weights(light, Q, len(cells), told(0.9, 0.95))
+        weights = self._weights(light, caustics, Q, len(cells), told(0.9, 0.95))
         modes, Q, weights, left_out = _reduced(modes, Q, weights, smooth_lights(cells, R))
         first = None
         if len(self._plain) == layer.count == gathering.rows:
@@ -118,6 +128,7 @@ class BouncedLight:
             held=fitness.share,
             edge=fitness.edge_for(HELD),
             first=first,
+            caustics=None if caustics is None else caustics.for_rows(layer),
         )
 
     def _viewed(self, gathering: Gathering) -> list[tuple[np.ndarray, ViewedGathering]]:
@@ -135,15 +146,25 @@ class BouncedLight:
         parts = [zone.rows for zone in self._layer.zones if zone.kind == DIFFUSE]
         return np.sort(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
 
-    def _range(
-        self, gathering: Gathering, light: CellLight, viewed: list, cells: Nodes, colours: int, report: Share
-    ) -> tuple[Float32[np.ndarray, "rows modes"], Bounced]:
-        """Orthonormal columns that span what mixtures of cells bring to the rows, all colours added."""
+    def _direct(
+        self, gathering: Gathering, light: CellLight, cells: Nodes, colours: int
+    ) -> Float32[np.ndarray, "colours vertices mixtures"]:
+        """Of mixtures of cells."""
         mixtures = _mixtures(cells, self._layer.settings.resolution, colours)
         direct = np.zeros((colours, gathering.rows, MIXTURES), np.float32)
         for part, T in light.blocks():
             for c in range(colours):
                 add_light(T, mixtures[c, part], direct[c])
+        return direct
+
+    def _range(
+        self,
+        gathering: Gathering,
+        direct: Float32[np.ndarray, "colours vertices mixtures"],
+        viewed: list,
+        report: Share,
+    ) -> tuple[Float32[np.ndarray, "rows modes"], Bounced]:
+        """Orthonormal columns that span what mixtures of cells bring to the rows, all colours added."""
         seen = np.zeros((self._layer.count, MIXTURES), np.float32)
         plain, done = self._plain, []
         for start in range(0, MIXTURES, COLUMNS):
@@ -195,9 +216,11 @@ class BouncedLight:
         return Q, _worst(done)
 
     def _weights(
-        self, light: CellLight, Q: np.ndarray, cells: int, report: Share
+        self, light: CellLight, caustics: Caustics | None, Q: np.ndarray, cells: int, report: Share
     ) -> Float64[np.ndarray, "colours modes cells"]:
         weights = np.zeros((len(Q), cells, Q.shape[2]))
+        if caustics is not None:
+            caustics.add_answers(Q, weights)
         for part, T in light.blocks():
             for c in range(len(Q)):
                 answers(np.ascontiguousarray(T), Q[c], weights[c, part])

@@ -13,7 +13,11 @@ from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
 from ..transport.gathering_kernels import count_entries
 from ..transport.hemisphere import HemisphereRays
+from ..transport.photon_mapping import PhotonMap
+from ..transport.photon_sources import SkySource
+from ..transport.photon_tracing import BATCH, CAUSTIC
 from .bounced import COLUMNS, MIXTURES, MOST_MODES
+from .caustics import BOUNCED_SHARE, CELLS_AT_ONCE
 from .first_bounce import BYTES_PER_ENTRY, BYTES_PER_VERTEX, MOST_ENTRIES
 from .layer_receivers import LayerReceivers
 from .light_cells import ASKED_AT_ONCE, DIRECTIONS, light_cells
@@ -29,7 +33,15 @@ _STRETCHES, _TRIED_RAYS = 5, 1 << 18  # whose hits are tried
 _PRODUCTS = 8  # that solving takes
 _ENTRY_COLUMNS = 2.5e9  # a second, of the products, measured on two cores
 _USUAL_MODES = 0.6  # of the most
-_KEPT, _KEPT_SHARE = 10.0, 0.6  # of the operator's n entries of a row 10·√n, measured in rooms and in the open
+_KEPT, _KEPT_SHARE = (
+    10.0,
+    0.6,
+)  # of the operator's n entries of a row 10·√n, measured in rooms and in the open
+
+_BYTES_PER_PHOTON = 200  # that has landed, the tree over them and what they weigh
+_SECONDS_PER_LANDED = 2e-6  # of a photon, measured: the tree and the sums
+_PHOTON_RAYS = 4  # that one is, about
+_PHOTON_ENTRIES, _CAUSTIC_ENTRIES, _BYTES_PER_CAUSTIC = 4, 200, 3  # of a landed photon, of a vertex, on disk
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,8 @@ class BouncedPlan:
     memory: int = 0  # bytes, peak of the process
     bytes: int = 0  # on disk
     entries: int = 0
+    photons: int = 0  # of the whole sky, for caustics
+    photon_seconds: float = 0.0
     operator_bytes: int = 0  # what the operator may take; beyond it tiles are traced again in each product
 
 
@@ -53,9 +67,7 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     viewed = sum(len(zone.rows) for zone in layer.zones if zone.kind == VIEWED)
     grey = not viewed and not scene.textures and bool((scene.albedo == scene.albedo[:, :1]).all())
     C = 1 if grey else 3
-    per_row, ray_seconds = tried_rows(
-        scene, layer.occluders, layer.origins, gather_rays=settings.gather_rays
-    )
+    per_row, ray_seconds = tried_rows(scene, layer.occluders, layer.origins, gather_rays=settings.gather_rays)
     entries = int(per_row * V)
     wanted = entries * (8 if not scene.textures else 4 + 4 * C) + 8 * V
 
@@ -67,6 +79,8 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     kept = min(MOST_ENTRIES, _KEPT * per_row**0.5, _KEPT_SHARE * per_row)
     first = int(V * (BYTES_PER_VERTEX + BYTES_PER_ENTRY * kept)) if keeps_first else 0
     fixed += 2 * first
+    photons = _plan_photons(layer)
+    fixed += photons.memory
     left = int(_USED_SHARE * memory - fixed)
     if left < 0:
         least = fixed / _USED_SHARE / 1e9 + 0.05
@@ -84,10 +98,12 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     cells = len(light_cells(settings.resolution))
     size = modes * (N + (0 if viewed else C * V) + 4 * C * cells) + first
     return BouncedPlan(
-        rays=rays,
-        seconds=float(seconds),
+        rays=rays + photons.rays,
+        seconds=float(seconds) + photons.seconds,
         memory=int(fixed + min(wanted, left)),
-        bytes=size,
+        bytes=size + photons.bytes,
+        photons=photons.count,
+        photon_seconds=photons.seconds,
         entries=entries,
         operator_bytes=left,
     )
@@ -109,3 +125,34 @@ def tried_rows(
         took.append(time.perf_counter() - began)
         found.append(counts.mean())
     return float(np.mean(found)), min(took) / (count * gather_rays)
+
+
+@dataclass(frozen=True)
+class _Photons:
+    """What caustics will cost."""
+
+    count: int = 0
+    rays: int = 0
+    seconds: float = 0.0
+    memory: int = 0
+    bytes: int = 0
+
+
+def _plan_photons(layer: LayerReceivers) -> _Photons:
+    """From two batches, the first of which compiles."""
+    if not layer.photons:
+        return _Photons()
+    trial = PhotonMap(layer.scene, layer.occluders, SkySource(), ways=CAUSTIC)
+    trial.batch(0)
+    began = time.perf_counter()
+    landed = len(trial.batch(1))
+    seconds = (time.perf_counter() - began) * layer.photons / BATCH * (1 + BOUNCED_SHARE)
+    kept = layer.photons * landed / BATCH
+    entries = min(_PHOTON_ENTRIES * kept, _CAUSTIC_ENTRIES * len(layer.scene.positions))
+    return _Photons(
+        count=layer.photons,
+        rays=int(_PHOTON_RAYS * layer.photons),
+        seconds=float(seconds + kept * _SECONDS_PER_LANDED),
+        memory=int(kept * _BYTES_PER_PHOTON) + CELLS_AT_ONCE,
+        bytes=int(entries * _BYTES_PER_CAUSTIC),
+    )

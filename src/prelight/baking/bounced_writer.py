@@ -37,6 +37,9 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
     first = part.first
     if first is not None:
         parts |= {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
+    caustics = part.caustics
+    if caustics is not None:
+        parts |= {f"caustics/{name}": values for name, values in caustics.in_bytes().items()}
     chunks, arrays = {}, {}
     for name, values in parts.items():
         shape = list(values.shape)
@@ -55,6 +58,7 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
             "bounced_held": part.held,
             **({"bounced_edge": part.edge} if part.held < HELD else {}),
             **({} if first is None else _said_of(first)),
+            **({} if caustics is None else {"caustic_noise": caustics.noise, "photons_traced": caustics.photons}),
         },
         "rays": part.rays,
         "arrays": arrays,

@@ -38,7 +38,9 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     zones: int = 1,
     bounces: int | None = None,
     sun_paths: float | str | None = None,
+    glossy_order: int = 0,
     gather_rays: int = GATHER_RAYS,
+    photons: int | None = None,
     resume: bool = False,
     force: bool = False,
     report: Report | None = None,
@@ -49,7 +51,7 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     ----------
     resolution, tolerance, epsilon, samples_per_side, memory
         See EnvironmentSettings.
-    receivers, camera, width, height, pixel_samples, zones, sun_paths, bounces, gather_rays
+    receivers, camera, width, height, pixel_samples, zones, sun_paths, bounces, gather_rays, photons, glossy_order
         See EnvironmentSettings.
     resume, force
         Go on with an interrupted bake of the same settings; replace what is there.
@@ -70,8 +72,8 @@ def bake_environment(  # noqa: PLR0913  (the settings, one by one, for notebooks
     settings = EnvironmentSettings(
         resolution, tolerance, epsilon, samples_per_side, memory,
         receivers=receivers, camera=camera, width=width, height=height,
-        pixel_samples=pixel_samples, zones=zones, bounces=bounces, gather_rays=gather_rays,
-        sun_paths=sun_paths,
+        pixel_samples=pixel_samples, zones=zones, bounces=bounces, gather_rays=gather_rays, photons=photons,
+        sun_paths=sun_paths, glossy_order=glossy_order,
     )  # fmt: skip
     refuse_target(Path(path), force=force)
     plan = plan_environment(scene, settings)

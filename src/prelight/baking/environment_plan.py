@@ -10,7 +10,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from ..transport.transfer import Transfer
 from .bounced_plan import BouncedPlan, plan_bounced
 from .clustering import cluster_lights, rows_at_once
 from .environment_settings import EnvironmentSettings
+from .exitant import ExitantPlan, plan_exitant
 from .layer_receivers import LayerReceivers
 from .zones import DARK, DIFFUSE, Zone
 
@@ -64,6 +65,7 @@ class EnvironmentPlan:
     bytes: int  # on disk
     cuts: tuple[Cut, ...]  # one a zone
     bounced: BouncedPlan = field(default_factory=BouncedPlan)  # in the figures above
+    glossy: ExitantPlan = field(default_factory=ExitantPlan)  # likewise
 
     def summary(self) -> dict:
         """What ``--dry-run --json`` prints."""
@@ -71,7 +73,9 @@ class EnvironmentPlan:
         figures = {name: getattr(self, name) for name in (*names, "bytes")}
         bounced = {f"bounced_{name}": getattr(self.bounced, name) for name in ("rays", "seconds", "bytes")}
         sun = {} if self.settings.sun is None else {"sun_paths": self.settings.sun.said}
-        return {"resolution": self.settings.resolution} | sun | figures | bounced
+        glossy = asdict(self.glossy) if self.glossy.rows else {}
+        glossy = {f"glossy_{name}": value for name, value in glossy.items()}
+        return {"resolution": self.settings.resolution} | sun | figures | bounced | glossy
 
 
 def machine_memory() -> int:
@@ -85,6 +89,7 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
     zones = layer.zones
     cuts, peak = _cuts(layer)
     bounced = plan_bounced(layer, settings.memory or machine_memory() // 2)
+    glossy = plan_exitant(scene, settings.glossy_order)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
     speeds: dict[str, _Speed] = {}
     known: dict[int, _Estimate] = {}
@@ -114,13 +119,14 @@ def plan_environment(scene: Scene, settings: EnvironmentSettings, *, seed: int =
         zones=len(zones),
         tolerance=settings.tolerance_for(layer.count),
         clusters=round(clusters),
-        rays=int(sum(e.rays for e in total)) + bounced.rays,
+        rays=int(sum(e.rays for e in total)) + bounced.rays + glossy.rays,
         receiver_directions=int(sum(e.lanes for e in total)),
-        seconds=float(seconds + 0.02 * parcels) + bounced.seconds,
+        seconds=float(seconds + 0.02 * parcels) + bounced.seconds + glossy.seconds,
         memory=max(peak, bounced.memory),
-        bytes=size + bounced.bytes,
+        bytes=size + bounced.bytes + glossy.bytes,
         cuts=tuple(cuts),
         bounced=bounced,
+        glossy=glossy,
     )
 
 

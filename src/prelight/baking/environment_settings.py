@@ -19,6 +19,9 @@ MOST_PIXELS_PER_SIDE = 2048
 MOST_BOUNCES = 1000
 GATHER_RAYS = 1024
 MOST_GATHER_RAYS = 1 << 14
+MOST_GLOSSY_ORDER = 16
+PHOTONS = 1 << 22  # of the whole sky, where a material needs them
+MOST_PHOTONS = 1 << 28
 VERTICES, PIXELS = "vertices", "pixels"
 
 
@@ -54,10 +57,16 @@ class EnvironmentSettings:
     sun_paths
         A latitude, −90 to 90, or "any": where the sun stands there through a year (north is −Z), a light may
         differ from its cluster by a quarter of the tolerance only; "any" is all above the horizon.
+    glossy_order
+        Order of the harmonics that hold what glossy vertices send into all directions, 1 to 16; 0 for none: then every
+        surface is diffuse unless a camera is given.
     bounces
         How often light may bounce: None for as often as it matters, 0 for direct light only, at most 1000.
     gather_rays
         Rays from each receiver that find what light has bounced towards it; a square number up to 16,384.
+    photons
+        Of the whole sky, that find what clear glass and mirrors send on, and its bounces; 0 for none: then glass casts
+        plain shadows. None for four millions where a material needs them.
     """
 
     resolution: int = 256
@@ -74,6 +83,8 @@ class EnvironmentSettings:
     bounces: int | None = None
     gather_rays: int = GATHER_RAYS
     sun_paths: float | str | None = None
+    glossy_order: int = 0
+    photons: int | None = None
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
@@ -85,6 +96,8 @@ class EnvironmentSettings:
             ("pixel-samples", self.pixel_samples, 1, 64),
             ("bounces", 0 if self.bounces is None else self.bounces, 0, MOST_BOUNCES),
             ("gather-rays", self.gather_rays, 1, MOST_GATHER_RAYS),
+            ("glossy-order", self.glossy_order, 0, MOST_GLOSSY_ORDER),
+            ("photons", 0 if self.photons is None else self.photons, 0, MOST_PHOTONS),
         ):
             if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
                 raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
@@ -112,6 +125,10 @@ class EnvironmentSettings:
             )
         if self.receivers not in (VERTICES, PIXELS):
             raise InputError("receivers", f"{self.receivers!r}, expected {VERTICES} or {PIXELS}")
+        if self.glossy_order and self.camera is not None:
+            raise InputError(
+                "glossy-order", f"{self.glossy_order}, but --camera fixes the eye; leave one of the two out"
+            )
         if self.receivers == PIXELS and self.camera is None:
             raise InputError(
                 "camera", "none given; pixels are those of a camera: name one of the scene's or give one"

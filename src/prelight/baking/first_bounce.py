@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Float32, Int32, Int64
-from ..encoding.row_wavelet_kernels import add_dropped, multiply_rows, thin_rows
-from ..encoding.vertex_tree import halves, left_shares, vertex_order
+from ..encoding.row_wavelet_kernels import add_dropped, colour_halves, multiply_rows, thin_rows
+from ..encoding.vertex_tree import left_shares, vertex_order
 from ..scene.geometry import Scene
 from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
@@ -45,10 +45,14 @@ class FirstBounce:
 
     def bounce(self, D: Float32[np.ndarray, "vertices 3"]) -> Float32[np.ndarray, "vertices 3"]:
         """One bounce of direct irradiance / π."""
-        light = halves(D * self.colours, self.order, self.left)
+        nodes, means = (
+            np.empty((len(self.left), 4), np.float32),
+            np.empty((2 * len(self.left), 4), np.float32),
+        )
+        colour_halves(D, self.colours, self.order, self.left, means, nodes)
         out = np.empty_like(D)
         starts = np.concatenate([[0], np.cumsum(self.counts, dtype=np.int64)])
-        multiply_rows((starts, self.steps, self.codes, self.sums, self.scales), light, out)
+        multiply_rows((starts, self.steps, self.codes, self.sums, self.scales), nodes, out)
         return out
 
 
@@ -56,23 +60,29 @@ def first_bounce(
     gathering: Gathering, scene: Scene, transfer: DiffuseTransfer, *, rays: int, lanes: int
 ) -> FirstBounce:
     """Thin the operator of so many rays a row, and measure what that loses, on suns that reach the scene."""
+    first = thinned_operator(gathering, scene, rays=rays)
+    return replace(first, error=_error(first, gathering, transfer, lanes))
+
+
+def thinned_operator(
+    gathering: Gathering, scene: Scene, *, rays: int, most: float = MOST_ENTRIES
+) -> FirstBounce:
+    """The operator of so many rays a row, with at most so many entries a row in the mean; its error not measured."""
     order = vertex_order(scene.positions, scene.normals)
     masses, colours, tried = _columns(gathering)
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
     tree = place, left_shares(order, masses)
     threshold = _SMALLEST / rays
-    while _counts(tried, tree, threshold).mean() > MOST_ENTRIES:
+    while _counts(tried, tree, threshold).mean() > most:
         threshold *= _LADDER
     for _ in range(_ADJUSTMENTS):
         tree = place, _shares_of_dropped(tried, tree, threshold, masses.sum(dtype=np.float64) * _TRUST)
     parts = [thinned((t.starts, t.columns, _grey(t.values)), tree, threshold) for t in gathering.tiles()]
     counts, sums, scales, steps, codes = (np.concatenate(found) for found in zip(*parts, strict=True))
-    first = FirstBounce(
+    return FirstBounce(
         order, tree[1], colours, sums, scales, counts.astype(np.uint16), steps, codes, threshold
     )
-    error = _error(first, gathering, transfer, lanes)
-    return replace(first, error=error)
 
 
 def _grey(values: Float32[np.ndarray, "channels entries"]) -> Float32[np.ndarray, "entries"]:

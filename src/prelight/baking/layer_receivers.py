@@ -13,10 +13,12 @@ from ..scene.geometry import Scene
 from ..scene.mesh import short_name
 from ..transport.direct import DiffuseTransfer
 from ..transport.eye import SeenPoints, seen_points, vertex_points
+from ..transport.specular import specular_materials, without_specular
 from ..transport.transfer import DarkTransfer, Transfer
 from ..transport.vantage import vantage_points
 from ..transport.viewed import ViewedTransfer
-from .environment_settings import PIXELS, EnvironmentSettings
+from .environment_settings import PHOTONS, PIXELS, EnvironmentSettings
+from .exitant import ExitantPart
 from .zones import DARK, DIFFUSE, VIEWED, Zone, divide, sort_of
 
 _NOTHING = -1  # the sort of pixels that show no surface
@@ -78,9 +80,9 @@ class LayerReceivers:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What a fixed eye sees otherwise than the materials say, one line each."""
+        """What an eye sees otherwise than the materials say, one line each."""
         if self.eye is None:
-            return ()
+            return () if self.glossy is None else self.glossy.notes
         notes = []
         if wide := self.surfaces.widened:
             names = ", ".join(short_name(name) for name in wide[:4]) + (", …" if len(wide) > 4 else "")
@@ -90,6 +92,27 @@ class LayerReceivers:
                 f"smooth glass or mirror, which direct light does not reach: {share:.1%} of what is seen"
             )
         return tuple(notes)
+
+    @cached_property
+    def glossy(self) -> ExitantPart | None:
+        """Vertices that send light otherwise than alike into all directions, for any eye; None if they are left out."""
+        if not self.settings.glossy_order:
+            return None
+        return ExitantPart.of(
+            self.scene, self.occluders, order=self.settings.glossy_order, origins=self.origins
+        )
+
+    @cached_property
+    def bouncing(self) -> Scene:
+        """The scene as light bounces in it, all surfaces diffuse but those that photons carry, which are black."""
+        scene = self.scene if self.glossy is None else self.glossy.bouncing(self.scene)
+        return without_specular(scene) if self.photons else scene
+
+    @cached_property
+    def photons(self) -> int:
+        """That are traced for caustics: none where no material needs them, or light does not bounce."""
+        wanted = PHOTONS if self.settings.photons is None else self.settings.photons
+        return wanted if self.settings.bounces != 0 and specular_materials(self.scene).any() else 0
 
     @cached_property
     def points(self) -> SeenPoints:

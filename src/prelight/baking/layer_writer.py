@@ -22,6 +22,7 @@ from .bounced_writer import write_bounced
 from .clustering import cluster_lights
 from .environment_plan import EnvironmentPlan
 from .environment_settings import PIXELS, EnvironmentSettings
+from .exitant import write_exitant
 from .layer_receivers import LayerReceivers
 from .zones import DIFFUSE, Zone
 
@@ -42,6 +43,8 @@ class LayerWriter:
         self.last_parcel = self.started = time.perf_counter()
         self.rays_before = self.rays_done = sum(e["rays"] for e in writer.entries)
         self.clusters = sum(len(e["leaves"]) for e in self.parcels)
+        self.glossy: dict[str, Any] = {}
+        self.glossy_rays = 0
         self.chunks: dict[str, ChunkRecord] = {}
         self.arrays: dict[str, ArraySpec] = {}
 
@@ -140,6 +143,15 @@ class LayerWriter:
         )
         self.last_parcel = time.perf_counter()
 
+    def _write_glossy(self) -> None:
+        """Gloss for any eye, where it is wanted: of seconds, so that the journal need not know it."""
+        if (part := self.receivers.glossy) is None:
+            return
+        written = write_exitant(self.writer, f"{LAYER}/glossy", part)
+        self.arrays |= {name: ArraySpec(**spec) for name, spec in written["arrays"].items()}
+        self.chunks |= {key: ChunkRecord(**record) for key, record in written["chunks"].items()}
+        self.glossy, self.glossy_rays = written["statistics"], written["rays"]
+
     def _write_whole(self, name: str, values: np.ndarray) -> None:
         self.arrays[name] = _whole(values)
         key, record = self.writer.write_chunk(name, (0,) * values.ndim, values, self.arrays[name])
@@ -179,6 +191,7 @@ class LayerWriter:
         shapes = np.array([(zone.groups, zone.channels) for zone in zones], np.int32)
         self._write_whole(f"{LAYER}/zones", np.concatenate([shapes, found], axis=1))
         self._name_parcels()
+        self._write_glossy()
         return Manifest(
             format=FORMAT,
             version=VERSION,
@@ -206,6 +219,8 @@ class LayerWriter:
             "zones": len(zones),
             **_sun(settings),
             **_bounces(settings),
+            **_photons(self.receivers),
+            **_glossy(settings, has_any=bool(self.glossy)),
         }
         if settings.receivers == PIXELS:
             parameters |= {
@@ -215,13 +230,14 @@ class LayerWriter:
             kind="environment",
             basis_lights=6 * settings.resolution**2,
             coefficients=int(clusters.sum()),
-            rays=sum(e["rays"] for e in self.writer.entries),
+            rays=sum(e["rays"] for e in self.writer.entries) + self.glossy_rays,
             camera=camera,
             parameters=parameters,
             statistics={
                 "nonzero_share": sum(e["nonzero"] for e in entries) / elements,
                 "tiles": sum(e["tiles"] for e in entries),
                 **({} if bounced is None else bounced["bounced"]),
+                **self.glossy,
             },
         )
 
@@ -254,12 +270,22 @@ def identity(receivers: LayerReceivers) -> dict[str, int | float | str | None]:
         "picture": f"{picture[0]}x{picture[1]}, {picture[2]} samples" if is_picture else None,
         **_sun(settings),
         **_bounces(settings),
+        **_photons(receivers),
+        **_glossy(settings),
         **software(),
     }
 
 
 def _sun(settings: EnvironmentSettings) -> dict[str, float | str]:
     return {} if settings.sun is None else {"sun_paths": settings.sun.said}
+
+
+def _photons(receivers: LayerReceivers) -> dict[str, int]:
+    return {"photons": receivers.photons} if receivers.photons else {}
+
+
+def _glossy(settings: EnvironmentSettings, *, has_any: bool = True) -> dict[str, int]:
+    return {"glossy_order": settings.glossy_order} if settings.glossy_order and has_any else {}
 
 
 def _bounces(settings: EnvironmentSettings) -> dict[str, int | str]:

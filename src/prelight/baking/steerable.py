@@ -7,6 +7,7 @@ finished bake keeps components alone.
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,16 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from ..encoding.octahedral import encoded_directions
+from ..encoding.octahedral import encoded_directions, encoded_places
 from ..encoding.principal_components import (
     Components,
     Images,
     Keep,
     basis_lights,
     gram,
+    no_components,
     principal_components,
     to_bytes,
 )
+from ..errors import InputError
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
@@ -32,7 +35,7 @@ from ..storage.journal import BakeWriter, refuse_target
 from ..storage.manifest import FORMAT, VERSION, CameraRecord, LayerRecord, Manifest
 from ..transport.basis_images import BasisTracer
 from ..transport.deep_buffer import deep_samples
-from ..transport.steered_lamps import SteeredSpot
+from ..transport.steered_lamps import SteeredBox, SteeredPanel
 from .carrying_out import carry_out, check_disk
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, plain, scene_record, whole
@@ -43,7 +46,8 @@ from .steerable_settings import BakedLamp, SteerableSettings
 Report = Callable[[float], None]  # share done
 SpanOf = Callable[[BakedLamp], Any]  # `Images`, or an array of that shape
 
-_ROUND = 64  # batches of paths from the lamp that are kept together
+_LOOK = 1 << 22  # numbers at a time
+_ROUND = 256  # batches of paths from the lamp that are kept together
 
 
 def bake_steerable(
@@ -96,7 +100,12 @@ def bake_planned(
 
     def make(writer: BakeWriter) -> Manifest:
         tracing = _Tracing(scene, settings, writer, report or (lambda *_: None))
-        return finished(scene, settings, writer, tracing.span, told=(tracing.statistics, tracing.left_out))
+        told = tracing.statistics, tracing.left_out
+        try:
+            return finished(scene, settings, writer, tracing.span, told=told)
+        except InputError:  # the same settings would end here again: nothing to resume
+            shutil.rmtree(writer.partial, ignore_errors=True)
+            raise
 
     check_disk(Path(path), plan.bytes + plan.scratch)
     return carry_out(
@@ -199,7 +208,7 @@ def finished(
     written.write_scene(scene)
     for lamp in settings.lamps:
         images = span(lamp)
-        components = _components(images, lamp, settings.keep)
+        components = _components(images, lamp, settings)
         if settings.deep:
             _write_deep(written, f"layers/{lamp.name}", scene, lamp, settings)
         _write_components(written, f"layers/{lamp.name}", components, images)
@@ -217,11 +226,26 @@ def finished(
     )
 
 
-def _components(images: Images, lamp: BakedLamp, keep: Keep | str) -> Components:
+def _components(images: Images, lamp: BakedLamp, settings: SteerableSettings) -> Components:
+    """What to keep. Raises InputError for a lamp that lights nothing the eye sees."""
+    basis, keep = lamp.basis, settings.keep
+    if _dark(images):
+        if settings.deep:  # direct light is kept apart, and there is no other
+            return no_components(basis)
+        what = (
+            "lights nothing that the eye sees: is it inside something, turned away, or out of sight? "
+            "Move it, or look from elsewhere"
+        )
+        raise InputError(f"lamp {lamp.name}", what)
     if not isinstance(keep, Keep):
-        return basis_lights(lamp.basis)
-    basis = lamp.basis
+        return basis_lights(basis)
     return principal_components(gram(Evened(images, basis)), basis, keep=keep)
+
+
+def _dark(images: Images) -> bool:
+    """Whether all images are black."""
+    strip = max(1, _LOOK // (3 * images.shape[0]))
+    return not any(np.any(images[:, p : p + strip]) for p in range(0, images.shape[1], strip))
 
 
 def _write_components(written: WrittenArrays, at: str, components: Components, images: Images) -> None:
@@ -241,13 +265,16 @@ def _write_deep(
     written: WrittenArrays, at: str, scene: Scene, lamp: BakedLamp, settings: SteerableSettings
 ) -> None:
     """What reaches each sub-pixel directly."""
-    spot, (_, camera) = lamp.lamp, settings.eye_in(scene)
-    assert isinstance(spot, SteeredSpot)  # SteerableSettings
-    found = deep_samples(SurfaceScene(scene), spot, camera, settings=settings.images, samples=settings.deep)
-    if len(found.colours):  # an array has no empty shape
-        written.write(f"{at}/deep_starts", found.starts)
-        written.write(f"{at}/deep_colours", found.colours)
-        written.write(f"{at}/deep_directions", encoded_directions(found.directions))
+    own, (_, camera) = lamp.lamp, settings.eye_in(scene)
+    assert not isinstance(own, SteeredBox)  # SteerableSettings
+    found = deep_samples(SurfaceScene(scene), own, camera, settings=settings.images, samples=settings.deep)
+    if not len(found.colours):  # an array has no empty shape
+        return
+    written.write(f"{at}/deep_starts", found.starts)
+    written.write(f"{at}/deep_colours", found.colours)
+    written.write(f"{at}/deep_directions", encoded_directions(found.directions))
+    if isinstance(own, SteeredPanel):
+        written.write(f"{at}/deep_places", encoded_places(found.places, found.aimed))
 
 
 def _record(
@@ -274,7 +301,7 @@ def _record(
         statistics={
             "functions": lamp.basis.functions,
             "largest_norm": float(lamp.basis.largest_norm),
-            "kept_share": float(singular[: components.kept].sum() / singular.sum()),
+            "kept_share": float(singular[: components.kept].sum() / singular.sum()) if singular.any() else 1.0,
             "components_error": float(components.error),
             **statistics,
         },

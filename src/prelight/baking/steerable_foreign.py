@@ -19,7 +19,7 @@ from ..images.openexr import decode_exr
 from ..scene.geometry import Scene
 from ..storage.bake import Bake
 from ..storage.journal import refuse_target
-from ..transport.steered_lamps import SteeredSpot
+from ..transport.steered_lamps import SteeredBox, SteeredPanel, SteeredSky, SteeredSpot
 from .carrying_out import carry_out
 from .scene_arrays import plain
 from .steerable import finished, identity
@@ -55,9 +55,9 @@ def lights_list(scene: Scene, settings: SteerableSettings) -> bytes:
 
 def _lamp(one: BakedLamp) -> dict[str, Any]:
     basis = one.basis
-    panel = (
-        basis.panel if isinstance(basis, ProductBasis) else basis if isinstance(basis, PanelBasis) else None
-    )
+    _check_physical(one)
+    panel = basis.panel if isinstance(basis, ProductBasis) else basis
+    panel = panel if isinstance(panel, PanelBasis) else None
     spot = basis.spot if isinstance(basis, ProductBasis) else basis if isinstance(basis, SpotBasis) else None
     aims = [None] if spot is None else spot.directions.tolist()
     places = [None] if panel is None else panel.positions.tolist()
@@ -72,15 +72,24 @@ def _lamp(one: BakedLamp) -> dict[str, Any]:
     shape = {}
     if spot is not None:
         power = "((1 + w·direction)/2)" if one.parity == "all" else "(w·direction)"
-        unit = "intensity, W/sr" if isinstance(one.lamp, SteeredSpot) else "times radiance"
-        shape["by direction"] = (
-            f"{unit}: {power}^{spot.degree}; w is the unit direction in which light leaves"
-        )
+        unit = {SteeredSpot: "intensity, W/sr", SteeredSky: "radiance"}.get(type(one.lamp), "times radiance")
+        way = "toward the sky" if isinstance(one.lamp, SteeredSky) else "in which light leaves"
+        shape["by direction"] = f"{unit}: {power}^{spot.degree}; w is the unit direction {way}"
     if panel is not None:
-        n, m = one.lamp.periods
-        wave = "((1 + cos 2π(u − position[0]))/2)"
-        shape["by place"] = f"radiance: {wave}^{n} · {wave.replace('u', 'v').replace('[0]', '[1]')}^{m}"
+        unit = "glow, W/sr/m³" if isinstance(one.lamp, SteeredBox) else "radiance"
+        waves = [
+            f"((1 + cos 2π({axis} − position[{k}]))/2)^{n}"
+            for k, (axis, n) in enumerate(zip("uvw", panel.harmonics, strict=False))
+        ]
+        shape["by place"] = f"{unit}: {' · '.join(waves)}"
     return {"name": one.name, **one.lamp.to_dict(), "shape": shape, "lights": lights}
+
+
+def _check_physical(one: BakedLamp) -> None:
+    """Raises InputError for a lamp whose basis lights no other renderer has."""
+    if isinstance(one.lamp, SteeredPanel) and one.lamp.terms:
+        what = "exponentials times polynomials are no lamps that another renderer has; bake it with periods"
+        raise InputError(one.name, what)
 
 
 def bake_from_images(
@@ -105,6 +114,8 @@ def bake_from_images(
     check_memory(settings, len(scene.triangles))
     if settings.deep:
         raise InputError("deep", "pictures of another renderer have their first bounce in them; leave it out")
+    for one in settings.lamps:
+        _check_physical(one)
     spans = {one.name: _span_of(one, Path(folder), settings) for one in settings.lamps}
     return carry_out(
         Path(path),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bases.exponentials import ExponentialBasis
 from ..bases.panels import PanelBasis
 from ..bases.products import ProductBasis
 from ..bases.steering import SpotBasis
@@ -18,12 +19,12 @@ from ..encoding.principal_components import Keep
 from ..errors import InputError
 from ..scene.geometry import Scene
 from ..transport.basis_images import ImageSettings
-from ..transport.steered_lamps import SteeredLamp, SteeredPanel, SteeredSpot
+from ..transport.steered_lamps import SteeredBox, SteeredLamp, SteeredPanel, SteeredSky, SteeredSpot
 
-Basis = SpotBasis | PanelBasis | ProductBasis
+Basis = SpotBasis | PanelBasis | ExponentialBasis | ProductBasis
 Point = tuple[float, float, float]
 MOST_LAMPS = 64
-MOST_DEEP = 64  # samples of a pixel
+MOST_DEEP = 256  # samples of a pixel
 LEAST_MEMORY = 500_000_000
 DEFAULT_KEEP = Keep(error=0.01)
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
@@ -54,17 +55,18 @@ class BakedLamp:
         """The span of its light, and the sampled set of basis lights."""
         lamp = self.lamp
         directions = None if lamp.degree is None else SpotBasis(lamp.degree, parity=self.parity)  # ty: ignore
-        if isinstance(lamp, SteeredSpot):
+        if isinstance(lamp, SteeredSpot | SteeredSky):
             assert directions is not None
             return directions
-        places = PanelBasis(lamp.periods)
+        axis = lamp.axis if isinstance(lamp, SteeredPanel) else None
+        places = ExponentialBasis((axis, axis), orthonormal=True) if axis else PanelBasis(lamp.periods)
         return places if directions is None else ProductBasis(places, directions)
 
     @property
     def traced(self) -> np.ndarray:
         """Which of the functions that are traced span its light, (S,) int64."""
         basis = self.basis
-        if isinstance(basis, PanelBasis):
+        if isinstance(basis, PanelBasis | ExponentialBasis):
             return np.arange(basis.functions)
         spot = basis if isinstance(basis, SpotBasis) else basis.spot
         every = (spot.degree + 1) ** 2
@@ -73,16 +75,23 @@ class BakedLamp:
     def place(self) -> dict[str, Any]:
         """Kind, origin and edges, as `lighting.places.Place` takes them."""
         lamp = self.lamp
+        if isinstance(lamp, SteeredSky):
+            return {"kind": "sky", "origin": [0.0, 0.0, 0.0], "edges": []}
         if isinstance(lamp, SteeredSpot):
             return {"kind": "spot", "origin": list(lamp.position), "edges": []}
-        return {"kind": "panel", "origin": list(lamp.corner), "edges": [list(lamp.side_u), list(lamp.side_v)]}
+        edges = [list(lamp.side_u), list(lamp.side_v)]
+        if isinstance(lamp, SteeredBox):
+            return {"kind": "box", "origin": list(lamp.corner), "edges": [*edges, list(lamp.side_w)]}
+        return {"kind": "panel", "origin": list(lamp.corner), "edges": edges}
 
     def basis_text(self) -> str:
         """The basis as JSON, as a bake keeps it."""
         lamp = self.lamp
         described: dict[str, Any] = {"kind": "spot", "degree": lamp.degree, "parity": self.parity}
-        if not isinstance(lamp, SteeredSpot):
+        if isinstance(lamp, SteeredPanel | SteeredBox):
             described = {"kind": "panel", "harmonics": list(lamp.periods)}
+            if isinstance(lamp, SteeredPanel) and lamp.terms:
+                described = {"kind": "exponential", "terms": [list(term) for term in lamp.terms]}
             if lamp.degree is not None:
                 described |= {"kind": "product", "degree": lamp.degree, "parity": self.parity}
         return json.dumps(described, sort_keys=True)
@@ -104,8 +113,8 @@ class SteerableSettings:
         How many components: pictures within 1 % RMS if not said; the paper's rule is ``Keep()``, 0.9 of the sum of
         singular values; "all" for every basis light.
     deep
-        Samples of a pixel in which a spot's first bounce is kept apart, exact for every shape; 0 keeps none, else
-        basis images hold the later bounces alone. At most 64.
+        Samples of a pixel in which the first bounce is kept apart, exact for every shape; 0 keeps none, else
+        basis images hold the later bounces alone. At most 256.
     memory
         Bytes the process may use; default half of this machine's.
     """
@@ -127,10 +136,8 @@ class SteerableSettings:
             raise InputError("deep", f"{self.deep!r}, expected a whole number from 0 to {MOST_DEEP}")
         if self.deep and not self.images.indirect_only:
             object.__setattr__(self, "images", replace(self.images, indirect_only=True))
-        if self.deep and not all(isinstance(lamp.lamp, SteeredSpot) for lamp in self.lamps):
-            raise InputError(
-                "deep", "a panel's first bounce is not kept apart; only spots', bake the panels without"
-            )
+        if self.deep and any(isinstance(lamp.lamp, SteeredBox) for lamp in self.lamps):
+            raise InputError("deep", "the first bounce of a box of light is not kept apart; bake it without")
         if isinstance(self.keep, str) and self.keep != "all":
             raise InputError("keep", f"{self.keep!r}, expected a rule or all")
         if self.memory is not None and self.memory < LEAST_MEMORY:
@@ -189,6 +196,8 @@ class SteerableSettings:
         low, high = used.min(axis=0), used.max(axis=0)
         far = float(np.linalg.norm(high - low))
         for one in self.lamps:
+            if one.lamp.middle is None:
+                continue
             away = np.maximum(np.maximum(low - one.lamp.middle, one.lamp.middle - high), 0.0)
             if np.linalg.norm(away) > far:
                 where = ", ".join(f"{x:g}" for x in one.lamp.middle)

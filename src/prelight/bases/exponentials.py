@@ -108,10 +108,12 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
 class ExponentialBasis(SampledSet):
     """Products of one function of each axis, the last axis running fastest; two axes for a panel, three for a box.
 
-    Basis lights are shifted copies of one shape, the sum of the highest function of every term.
+    Basis lights are shifted copies of one shape, the sum of the highest function of every term; or ``orthonormal``
+    ones, which no lamp is, but whose weights are no larger than the light itself: what a bake is compressed in.
     """
 
     axes: tuple[ExponentialAxis, ...]
+    orthonormal: bool = False
 
     @property
     def functions(self) -> int:
@@ -128,7 +130,9 @@ class ExponentialBasis(SampledSet):
 
     @cached_property
     def largest_norm(self) -> float:
-        """The largest ‖w(p)‖ of a basis light shifted by 0 to 1 on each axis."""
+        """The largest ‖w(p)‖ of a basis light shifted by 0 to 1 on each axis; 1 of orthonormal ones."""
+        if self.orthonormal:
+            return 1.0
         largest = 1.0
         for axis, own in zip(self.axes, self._per_axis, strict=True):
             inverse = np.linalg.pinv(own.T, rcond=1e-14)
@@ -140,6 +144,9 @@ class ExponentialBasis(SampledSet):
     def _per_axis(self) -> list[np.ndarray]:
         found = []
         for axis in self.axes:
+            if self.orthonormal:
+                found.append(_orthonormal(axis))
+                continue
             steps = 0.5 - 0.5 * np.cos(np.pi * (np.arange(axis.functions) + 0.5) / axis.functions)
             found.append(np.stack([axis.shift(float(p)) @ _own_shape(axis) for p in steps]))
         return found
@@ -176,3 +183,10 @@ def _own_shape(axis: ExponentialAxis) -> np.ndarray:
         found[first + power * wide] = 1.0
         first += (power + 1) * wide
     return found
+
+
+def _orthonormal(axis: ExponentialAxis) -> np.ndarray:
+    """Rows are coefficients of functions that are orthonormal over the panel: f·R⁻¹ where √w·f = Q·R."""
+    node, weight = _rule()
+    triangle = np.linalg.qr(axis.evaluate(node) * np.sqrt(weight)[:, None], mode="r")
+    return np.linalg.inv(triangle).T

@@ -20,6 +20,7 @@ from ..relighting.relighter import Relighter
 from ..scene.baked import scene_of
 from ..storage.manifest import LayerRecord
 from ..transport.exact import integrate
+from ..transport.eye import vertex_points
 from ..transport.path_traced_light import LightWithVariance, LitScene, as_diffuse
 from ..transport.path_tracing import path_traced_radiance, path_traced_view
 from ..transport.vantage import vantage_points
@@ -66,25 +67,41 @@ class Comparison:
         The bake, as it is lit now.
     count, seed
         How many receivers, chosen at random among those that light can reach; 0 for all.
+    eye
+        Where a layer with gloss is looked at from; without it its diffuse part is compared.
     """
 
-    def __init__(self, light: Relighter, *, count: int = 1000, seed: int = 0) -> None:
+    def __init__(
+        self, light: Relighter, *, count: int = 1000, seed: int = 0, eye: Camera | None = None
+    ) -> None:
         self.light = light
+        self._eye = eye if light.has_gloss else None
         record = light.bake.layers[light.layer_name]
         self.bounces = bounces_of(record)
         self.receivers = LayerReceivers(scene_of(light.bake), settings_of(record))
         if self.receivers.is_picture:
             possible = np.flatnonzero(self.receivers.points.coverage > 0)
         else:
-            possible = np.flatnonzero(light.bake.receivers.normals.any(axis=1))
+            possible = np.flatnonzero(self._can_be_seen())
         if not len(possible):
             raise InputError(light.bake.path, "no receiver that light can reach: nothing to compare")
         if 0 < count < len(possible):
             possible = np.random.default_rng([seed, 11]).choice(possible, count, replace=False)
         self.rows: Int32[np.ndarray, "chosen"] = np.sort(possible).astype(np.int32)
         self._radiance = light.radiance  # what is compared
+        if self._eye is not None:
+            self._radiance = self._radiance + light.glossy(self._eye.eye)
         self.reference: Radiance | None = None
         self.made_by = "reference"
+
+    def _can_be_seen(self) -> np.ndarray:
+        """Of vertices: those with a normal; of glossy ones under an eye those that face it."""
+        receivers = self.light.bake.receivers
+        there = receivers.normals.any(axis=1)
+        if self._eye is not None:
+            toward = np.asarray(self._eye.eye, np.float32) - receivers.positions
+            there = there & ((receivers.normals * toward).sum(axis=1) > 0)
+        return np.asarray(there)
 
     def choose_seen(self, camera: Camera, *, width: int, height: int) -> None:
         """All receivers that count in a picture: the corners of triangles that the camera sees; all pixels."""
@@ -94,7 +111,8 @@ class Comparison:
         seen = self.light.view(camera, width=width, height=height).triangles_seen
         if not len(seen):
             raise InputError("camera", "sees nothing of the scene; choose another")
-        self.rows = np.unique(self.light.bake.triangles[seen]).astype(np.int32)
+        corners = np.unique(self.light.bake.triangles[seen])
+        self.rows = corners[self._can_be_seen()[corners]].astype(np.int32)
 
     def run(self, *, samples: int | None, seed: int = 0, report: Share | None = None) -> dict[str, Any]:
         """The figures of ``prelight compare --json``; exact integration where ``samples`` is None."""
@@ -107,7 +125,7 @@ class Comparison:
         seconds = time.perf_counter() - started
         self.reference = reference.astype(np.float32)
         self.made_by = "exact integration" if samples is None else f"path tracer, {samples:,} samples"
-        if samples is None and self.bounces != 0:
+        if samples is None and (self.bounces != 0 or self._eye is not None):
             self._radiance = self._direct_alone()
         mine = self._radiance[self.rows]
         tolerance = _ALLOWED * float(reference.max())
@@ -152,6 +170,11 @@ class Comparison:
 
     def _traced(self, cube: CubeMap, samples: int, seed: int, report: Share | None):
         scene = self.receivers.scene
+        if self._eye is not None:
+            return path_traced_view(
+                SurfaceScene(scene), vertex_points(scene, self._eye.eye),
+                cube=cube, receivers=self.rows, bounces=self.bounces, samples=samples, seed=seed, report=report,
+            )  # fmt: skip
         if self.receivers.eye is None:
             albedo = scene.albedo[self.rows].astype(np.float64)
             if self.bounces != 0:

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
-from .relight_steerable import check_lamps_alone
+from .frames import Frames, frames_of
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ..drawing.picture import Picture
-    from ..lighting.rig import Rig
-    from ..relighting.steerable_bake import SteerableBake
-
-_MOVING = (".webp", ".gif")
 _MOST_FRAMES, _MOST_BYTES = 20_000, 2_000_000_000
 _METERED = 8  # frames that the exposure is for
 
@@ -32,31 +24,37 @@ def animate(
     output: Annotated[Path, Parameter(["--output", "-o"])],
     fps: float = 24.0,
     seconds: float | None = None,
+    camera: str | None = None,
+    size: str | None = None,
     exposure: str = "auto",
     curve: str = "filmic",
     force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Light a bake of steerable lamps with a rig whose lights have keys in time, frame after frame.
+    """Light a bake with a rig whose lights have keys in time, frame after frame.
 
     A light of the rig is as its table says at 0 s, and then as its keys say:
     `keys = [{ at = 2, target = [0, 0, 0] }, { at = 3, scale = 0 }]`.
 
-    `prelight animate chess.prelight rig.toml -o shot.webp`, or `-o shot_{frame}.png` for single pictures.
+    `prelight animate chess.prelight rig.toml -o shot.mp4`, or `-o shot_{frame}.png` for single pictures.
 
     Parameters
     ----------
     bake
-        NAME.prelight with steerable layers, made by `prelight bake steerable`.
+        NAME.prelight: of steerable lamps, or with a transfer layer, whose lights are anywhere.
     rig
-        A rig (.toml) whose [[spot]]s and [[panel]]s have keys (docs/rig.md).
+        A rig (.toml) whose [[lamp]]s, [[spot]]s and [[panel]]s have keys (docs/rig.md).
     output
-        A moving picture (.webp or .gif), or pictures with {frame} in their name, such as shot_{frame}.png or
-        shot_{frame}.exr (linear): {frame} becomes 0000, 0001, …
+        A moving picture (.webp, .gif, or .mp4 where imageio-ffmpeg is installed), or pictures with {frame} in their
+        name, such as shot_{frame}.png or shot_{frame}.exr (linear): {frame} becomes 0000, 0001, …
     fps
         Frames a second.
     seconds
         How long; until the last light rests if not given.
+    camera
+        The name of a camera in the bake, or a JSON file; steerable lamps have their own, and no --size.
+    size
+        Width and height; 1280x720 if not given.
     exposure
         Stops, one for all frames, or auto; auto+0.5 is half a stop brighter. An .exr stays linear, as radiance.
     curve
@@ -67,11 +65,16 @@ def animate(
         Print one JSON object on standard output.
     """
     from ..files import refuse_existing
+    from ..images.film import FILMS, check_film, write_film
 
     kind = output.suffix.lower()
     sequence = "{frame}" in output.name
-    if kind not in ((".png", ".exr") if sequence else _MOVING):
-        raise InputError(output, "expected a name ending in .webp or .gif, or with {frame} and .png or .exr")
+    if kind not in ((".png", ".exr") if sequence else FILMS):
+        raise InputError(
+            output, "expected a name ending in .mp4, .webp or .gif, or with {frame} and .png or .exr"
+        )
+    if not sequence:
+        check_film(output)
     if not 0.1 <= fps <= 240:
         raise InputError("--fps", f"{fps:g}, expected 0.1 to 240")
     if seconds is not None and not 0 < seconds <= 86_400:
@@ -79,27 +82,26 @@ def animate(
     metered, stops = arguments.exposure(exposure)
     with printing.waiting("opening the bake and the lights (the first time, compiling too)"):
         from ..lighting.rig import Rig
-        from ..relighting.steerable_bake import SteerableBake
 
         opened = Rig.open(str(rig))
-        light = SteerableBake(bake)
-        check_lamps_alone(opened, rig)
+        light = frames_of(bake, opened, rig, camera=camera, size=size)
     length = opened.duration if seconds is None else seconds
     if not length > 0:
         raise InputError(rig, "none of its lights has keys; give some, or --seconds for a still sequence")
-    times = _times(length, fps, light, moving=not sequence)
+    times = _times(length, fps, light, held=not sequence and kind != ".mp4")
     names = [output.with_name(output.name.replace("{frame}", f"{n:04}")) for n in range(len(times))]
     for name in names if sequence else [output]:
         refuse_existing(name, force=force)
     if metered:
-        stops += _metered(light, opened, times)
+        stops += _metered(light, times)
     started = time.perf_counter()
-    pictures = _pictures(light, opened, times)
+    pictures = (light.picture(moment) for moment in times)
     if sequence:
         for name, picture in zip(names, pictures, strict=True):
             picture.save(name, force=force, exposure=stops, curve=curve)
     else:
-        _publish(output, (picture.display(exposure=stops, curve=curve) for picture in pictures), fps=fps)
+        shown = (picture.display(exposure=stops, curve=curve) for picture in pictures)
+        write_film(output, shown, fps=fps, force=force)
     taken = time.perf_counter() - started
     if json:
         printing.say_json(
@@ -109,57 +111,27 @@ def animate(
     printing.say(f"{len(times)} frames in {printing.duration(taken)}, exposure {stops:+.2f} stops\n{output}")
 
 
-def _times(length: float, fps: float, light: SteerableBake, *, moving: bool) -> list[float]:
+def _times(length: float, fps: float, light: Frames, *, held: bool) -> list[float]:
     frames = max(round(length * fps), 1) + 1
     if frames > _MOST_FRAMES:
         raise InputError(
             "--seconds", f"{length:g} s are {frames:,} frames, at most {_MOST_FRAMES:,} are made"
         )
     size = frames * 3 * light.size[0] * light.size[1]
-    if moving and size > _MOST_BYTES:
+    if held and size > _MOST_BYTES:
         raise InputError(
             "--seconds",
-            f"{frames:,} frames are {printing.size(size)} at once; write single pictures: {{frame}}.png",
+            f"{frames:,} frames are {printing.size(size)} at once; write an .mp4, or {{frame}}.png",
         )
     return [n / fps for n in range(frames)]
 
 
-def _metered(light: SteerableBake, rig: Rig, times: list[float]) -> float:
+def _metered(light: Frames, times: list[float]) -> float:
     """The exposure that suits the mean of a few frames."""
     import numpy as np
 
     from ..drawing.picture import Picture
 
     some = [times[round(n)] for n in np.linspace(0, len(times) - 1, min(_METERED, len(times)))]
-    mean = np.mean([picture.linear for picture in _pictures(light, rig, some)], axis=0)
+    mean = np.mean([picture.linear for picture in map(light.picture, some)], axis=0)
     return Picture(mean.astype(np.float32)).stops("auto")
-
-
-def _pictures(light: SteerableBake, rig: Rig, times: list[float]) -> Iterator[Picture]:
-    for seconds in times:
-        light.light(rig.lights_at(seconds))
-        yield light.picture()
-
-
-def _publish(path: Path, frames: Iterator, *, fps: float) -> None:
-    """One file of all frames, written whole or not at all."""
-    from io import BytesIO
-
-    from PIL import Image
-
-    from ..files import publish
-
-    pictures = [Image.fromarray(frame) for frame in frames]
-    kind = path.suffix.lower().removeprefix(".")
-    options = {"quality": 90, "method": 4} if kind == "webp" else {}
-    data = BytesIO()
-    pictures[0].save(
-        data,
-        format=kind.upper(),
-        save_all=True,
-        append_images=pictures[1:],
-        duration=1000 / fps,
-        loop=0,
-        **options,
-    )
-    publish(path, data.getvalue())

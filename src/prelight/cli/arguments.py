@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cyclopts import Token
 
     from ..camera import Camera
+    from ..relighting.lit_bake import LitBake
     from ..relighting.relighter import Relighter
 
 _LARGEST_PICTURE = 64 << 20  # pixels: drawn in 3.5 GB
@@ -88,7 +89,7 @@ def eye(text: str | None) -> Camera | str | None:
     return Camera.open(text) if text is not None and text.lower().endswith(".json") else text
 
 
-def camera_of(light: Relighter, text: str | None) -> Camera:
+def camera_of(light: Relighter | LitBake, text: str | None) -> Camera:
     """A camera of the bake by name, one in a JSON file, or the bake's first."""
     from ..camera import Camera
 

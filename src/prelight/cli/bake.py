@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .bake_cloud import cloud
+from .bake_portals import portals
 from .bake_steerable import steerable
+from .bake_transfer import transfer
+
+if TYPE_CHECKING:
+    from ..baking.exitant import ExitantPlan
 
 app = App(
     help="Trace a scene once and keep its light transport in NAME.prelight. One subcommand for each kind of light."
 )
 
 app.command(steerable)
+app.command(portals)
+app.command(transfer)
+app.command(cloud)
 
 
 @app.command
@@ -32,6 +41,8 @@ def environment(
     sun_paths: str | None = None,
     bounces: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
     gather_rays: Annotated[int, Parameter(converter=arguments.whole_number)] = 1024,
+    photons: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
+    glossy_order: Annotated[int, Parameter(converter=arguments.whole_number)] = 0,
     receivers: str = "vertices",
     camera: str | None = None,
     size: str | None = None,
@@ -48,7 +59,8 @@ def environment(
 ) -> None:
     """Bake for any environment map: environment lights in clusters, one byte an element.
 
-    Diffuse vertices, to be seen from anywhere; or, with --camera, any material as one eye sees it.
+    Diffuse vertices, to be seen from anywhere, with --glossy-order their gloss too; or, with --camera, any material
+    as one eye sees it.
 
     Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
 
@@ -82,11 +94,17 @@ def environment(
     gather_rays
         Rays from each receiver that find the surfaces which light bounces from, a square number up to 16384: four
         times as many halve the noise of bounced light.
+    photons
+        Of the whole sky, that find the caustics of clear glass and mirrors; default 4,194,304 where a material is such,
+        none elsewhere. 0 leaves them out: glass then casts a plain shadow.
+    glossy_order
+        Seen from anywhere, show what glossy materials reflect, in spherical harmonics of this order, 1 to 16; 8 is good
+        for most, narrower highlights are widened to what it holds. 0 leaves gloss out.
     receivers
         vertices, or pixels: what --camera sees, at the pixels of a picture of --size.
     camera
         The one eye that what is not Lambertian is baked for: the name of a camera in the scene, or a JSON file with
-        eye, target, up and vertical_fov_deg. Without it every surface is diffuse.
+        eye, target, up and vertical_fov_deg. Without it and --glossy-order every surface is diffuse.
     size
         Width and height of the picture with --receivers pixels, up to 2048 each; default 256x144.
     pixel_samples
@@ -134,7 +152,8 @@ def environment(
             resolution, tolerance, epsilon, samples_per_side, budget,
             receivers=receivers, camera=arguments.eye(camera), width=width, height=height,
             pixel_samples=4 if pixel_samples is None else pixel_samples, zones=zones,
-            bounces=bounces, gather_rays=gather_rays, sun_paths=sun_paths,
+            bounces=bounces, gather_rays=gather_rays, sun_paths=sun_paths, glossy_order=glossy_order,
+            photons=photons,
         )  # fmt: skip
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_environment(loaded, settings)
@@ -154,6 +173,13 @@ def environment(
                 f"of it for light that has bounced {printing.count(light.rays)} rays, "
                 f"{printing.duration(light.seconds)}, {printing.size(light.bytes)} (--bounces 0 leaves it out)"
             )
+            if light.photons:
+                printing.say(
+                    f"{printing.count(light.photons)} photons for glass and mirrors, "
+                    f"{printing.duration(light.photon_seconds)} of it (--photons 0 leaves caustics out)"
+                )
+        if glossy_order:
+            printing.say(_said_of_gloss(plan.glossy))
     if dry_run:
         if json:
             printing.say_json(plan.summary())
@@ -170,4 +196,13 @@ def environment(
         + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
         + (f"\nthe mesh is {note}" if (note := printing.mesh_note(layer["statistics"])) else "")
         + f"\nnow: prelight relight {target} SKY.hdr -o picture.png   (or stock:sunset for a sky of ours)"
+    )
+
+
+def _said_of_gloss(plan: ExitantPlan) -> str:
+    if not plan.rows:
+        return "no vertex is of a glossy material: --glossy-order has nothing to do"
+    return (
+        f"gloss of {plan.rows:,} vertices: {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
+        f"{printing.size(plan.bytes)}; a change of light takes about {plan.milliseconds:.0f} ms more"
     )

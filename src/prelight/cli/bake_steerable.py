@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,15 +9,15 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .baked_lamps import lamps_of
 
 if TYPE_CHECKING:
     from ..baking.steerable_plan import SteerablePlan
-    from ..baking.steerable_settings import BakedLamp, SteerableSettings
+    from ..baking.steerable_settings import SteerableSettings
     from ..encoding.principal_components import Keep
     from ..storage.bake import Bake
 
 _NUMBER = Parameter(converter=arguments.whole_number)
-_LAMP = re.compile(r"(?:([^=]{1,40})=)?(.+)", re.DOTALL)
 
 
 def steerable(
@@ -28,15 +27,19 @@ def steerable(
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
     spot: Annotated[list[str] | None, Parameter(negative="")] = None,
     panel: Annotated[list[str] | None, Parameter(negative="")] = None,
+    box: Annotated[list[str] | None, Parameter(negative="")] = None,
+    sky: str | None = None,
     degree: Annotated[int, _NUMBER] = 5,
     periods: Annotated[int, _NUMBER] = 4,
+    box_periods: Annotated[int, _NUMBER] = 2,
     panel_degree: Annotated[int | None, _NUMBER] = None,
+    panel_terms: str | None = None,
     parity: str = "all",
     lamp_radius: float = 0.02,
     camera: str | None = None,
     size: str = "256x256",
     samples: Annotated[int, _NUMBER] = 256,
-    light_paths: Annotated[int, _NUMBER] = 64,
+    light_paths: Annotated[int, _NUMBER] = 16,
     depth: Annotated[int, _NUMBER] = 12,
     indirect_only: Annotated[bool, Parameter(negative="")] = False,
     left_to_chance: str = "drop",
@@ -80,13 +83,25 @@ def steerable(
     panel
         Where a panel is: corner, first and second side, as X,Y,Z/X,Y,Z/X,Y,Z or NAME=…; again for more. It shines to
         the side from which its first side turns counter-clockwise into its second.
+    box
+        Where a box of light is, a glow that soft lights move through: corner and three sides, as
+        X,Y,Z/X,Y,Z/X,Y,Z/X,Y,Z or NAME=…; again for more.
+    sky
+        The name of a sky, light from all around; in a rig spots light it, whose direction is that from which light
+        comes.
     degree
-        N of the spots, 0 to 24: (N+1)² basis images. More makes narrower spots: 83° from half to half at 5, 62° at 9.
+        N of the spots and the sky, 0 to 24: (N+1)² basis images. More makes narrower spots: 83° from half to half at
+        5, 62° at 9.
     periods
         Whole periods along each side of the panels, 0 to 16: (2·periods+1)² basis images.
+    box_periods
+        Whole periods along each side of the boxes: (2·box_periods+1)³ basis images.
     panel_degree
         Turn the panels' light too, up to this degree; times (n+1)² basis images. Without it, it leaves alike in all
         directions.
+    panel_terms
+        Exponentials times polynomials in place of sinusoids: RATE:POWER,…, such as 0:6 (polynomials up to x⁶) or
+        0:3,-4+3i:1 (and e^(−4x)·cos 3x, …). No light comes back at the opposite edge.
     parity
         all, or even or odd (as the degree is): for spots with f(−ω) = ±f(ω), half the images.
     lamp_radius
@@ -96,9 +111,11 @@ def steerable(
     size
         Width and height of the picture, up to 2048 each.
     samples
-        Paths through each pixel: 64 for a look, 1024 for a clean picture.
+        Paths through each pixel: 64 for a look, 1024 for a clean picture. A square number of them is spread evenly, and
+        half as noisy.
     light_paths
-        Paths from the lamp for each pixel, where it meets glass or mirrors: for light that falls through them.
+        Paths from the lamp for each pixel, where it meets glass or mirrors, for light that falls through them; a
+        sixteenth of --samples makes that as clean as the rest.
     depth
         The most edges of a path; 2 is direct light.
     indirect_only
@@ -107,8 +124,9 @@ def steerable(
         drop, or keep: light through glass or off a mirror that is itself seen through glass or in a mirror. It is met
         by chance alone, and makes bright specks.
     deep
-        Keep the spots' first bounce apart, in so many samples a pixel, 1 to 64: then beams of any narrowness are
-        exact, while the basis holds the later bounces; 16 is plenty.
+        Keep the lamps' first bounce apart, in so many samples a pixel, 1 to 256: then lights of any narrowness are
+        exact, while the basis holds the later bounces; 16 is plenty for spots, narrow lights on a panel want 64 and
+        more. Boxes have none.
     components
         Keep so many principal components of each lamp. Or use one of the three rules that follow.
     share
@@ -158,9 +176,10 @@ def steerable(
         from ..transport.basis_images import ImageSettings
 
         width, height = arguments.picture_size(size)
-        lamps = _lamps(
-            scene, spot or [], panel or [], degree=degree, periods=periods, panel_degree=panel_degree,
-            parity=parity, radius=lamp_radius,
+        asked = {"spot": spot or [], "panel": panel or [], "box": box or [], "sky": [sky] if sky else []}
+        lamps = lamps_of(
+            scene, asked, degree=degree, periods=(periods, box_periods), panel_degree=panel_degree,
+            terms=panel_terms, parity=parity, radius=lamp_radius,
         )  # fmt: skip
         images = ImageSettings(
             width, height, samples, light_paths, depth, indirect_only, left_to_chance == "keep", seed
@@ -197,47 +216,6 @@ def steerable(
     with printing.share_bar("baking") as report:
         bake = bake_planned(loaded, target, plan=plan, resume=resume, force=force, report=report)
     _say_done(bake, target, json=json)
-
-
-def _lamps(scene: str, spots: list[str], panels: list[str], **how: Any) -> list[BakedLamp]:
-    """What --spot and --panel say; a stock scene made for it has a spot of its own."""
-    from ..baking.steerable_settings import BakedLamp
-    from ..transport.steered_lamps import SteeredPanel, SteeredSpot
-
-    if not spots and not panels:
-        if not scene.startswith("stock:steerable"):
-            raise InputError(
-                "--spot", "no lamp given; say where one is: --spot X,Y,Z or --panel X,Y,Z/X,Y,Z/X,Y,Z"
-            )
-        from ..scene.stock.chess import SPOT_AT
-
-        spots = [",".join(map(str, SPOT_AT))]
-    found = []
-    for text in spots:
-        name, (position,) = _named("--spot", text, "spot", 1)
-        lamp = SteeredSpot(position, how["degree"], how["radius"])
-        found.append(BakedLamp(name, lamp, how["parity"]))
-    for text in panels:
-        name, (corner, side_u, side_v) = _named("--panel", text, "panel", 3)
-        lamp = SteeredPanel(corner, side_u, side_v, (how["periods"],) * 2, how["panel_degree"])
-        found.append(BakedLamp(name, lamp, how["parity"] if how["panel_degree"] is not None else "all"))
-    return found
-
-
-def _named(option: str, text: str, usual: str, count: int) -> tuple[str, list[tuple[float, float, float]]]:
-    """NAME=X,Y,Z/X,Y,Z: the name and so many points."""
-    match = _LAMP.fullmatch(text)
-    points = []
-    for part in (match[2] if match else "").split("/"):
-        try:
-            x, y, z = (float(number) for number in part.split(","))
-        except ValueError:
-            continue
-        points.append((x, y, z))
-    if match is None or len(points) != count or text.count("/") != count - 1:
-        wanted = "/".join(["X,Y,Z"] * count)
-        raise InputError(option, f"{text!r}, expected {wanted} or NAME={wanted}, metres")
-    return match[1] or usual, points
 
 
 def _refuse_together(*options: tuple[str, bool]) -> None:

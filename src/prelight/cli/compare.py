@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .figures_said import say_figures
 
 _PANEL = 640, 360
-_WORDS = (
-    ("relative_rms", "relative RMS error"),
-    ("mean_difference", "mean |difference| / mean"),
-    ("signed_mean", "mean difference / mean"),
-    ("worst", "largest difference / mean"),
-    ("noise", "RMS from the reference's noise"),
-    ("detectable_bias", "detectable mean difference"),
-)
 
 
 def compare(
@@ -46,6 +39,9 @@ def compare(
     is noisy: an error of the mean below its detectable bias cannot be told from none. It follows light through as
     many bounces as the bake holds; exact integration is of direct light, and held against that part of the bake.
 
+    Of a bake of steerable lamps all pixels are held against the path tracer under the rig's real lights, so what a
+    basis or components lose is in it.
+
     `prelight compare bunny.prelight stock:sunset --exact -o errors.png`
 
     Parameters
@@ -65,7 +61,7 @@ def compare(
     layout
         How the map is folded, if it is not recognised.
     camera
-        For the picture: the name of a camera in the bake, or a JSON file.
+        For the picture, and where gloss is looked at from: the name of a camera in the bake, or a JSON file.
     size
         Width and height of each of the picture's three panels, 640x360 if not given; pixel layers have their own.
     emphasis
@@ -92,6 +88,22 @@ def compare(
         raise InputError("--emphasis", f"{emphasis:g}, expected above 0 and at most 1000")
     shape = None if size is None else arguments.picture_size(size)
 
+    from ..relighting.stored_steerable import steerable_names
+    from ..storage.bake import Bake
+
+    opened = Bake.open(bake)
+    if opened.layers and len(steerable_names(opened)) == len(opened.layers):
+        from .compare_lamps import compare_lamps
+
+        if exact or layout is not None or camera is not None or size is not None:
+            options = "--exact, --layout, --camera, --size"
+            raise InputError(
+                options, "not for steerable lamps: their pixels are held against the path tracer"
+            )
+        compare_lamps(
+            opened, rig, samples=samples, seed=seed, emphasis=emphasis, output=output, force=force, json=json
+        )
+        return
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..checking.against import Comparison
         from ..drawing.figures import save_figure
@@ -105,7 +117,7 @@ def compare(
         if output is not None and light.picture_size not in (None, (width, height)):
             own = "{}x{}".format(*light.picture_size)
             raise InputError("--size", f"{size}, but this bake has its own pixels, {own}; leave it out")
-        work = Comparison(light, count=receivers, seed=seed)
+        work = Comparison(light, count=receivers, seed=seed, eye=eye)
         if output is not None:
             work.choose_seen(eye, width=width, height=height)
     with printing.share_bar("integrating" if exact else "tracing paths") as report:
@@ -116,25 +128,6 @@ def compare(
     if json:
         printing.say_json(figures | {"output": None if output is None else str(output)})
         return
-    _say(figures)
+    say_figures(figures)
     if output is not None:
         printing.say(str(output))
-
-
-def _say(figures: dict[str, Any]) -> None:
-    """The figures in words."""
-    samples, bias = figures["samples"], figures["detectable_bias"]
-    against = "exact integration" if samples is None else f"the path tracer, {samples:,} samples"
-    printing.say(
-        f"{figures['receivers']:,} receivers against {against} ({figures['reference_seconds']:.1f} s)"
-    )
-    for name, words in _WORDS:
-        if samples is not None or name not in ("noise", "detectable_bias"):
-            printing.say(f"  {words:32} {100 * figures[name]:8.3f} %")
-    if samples is not None:
-        found = abs(figures["signed_mean"]) > bias
-        printing.say(
-            "the means differ by more than noise explains"
-            if found
-            else "no difference of the means that so many samples can tell from noise"
-        )

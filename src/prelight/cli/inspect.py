@@ -9,7 +9,10 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .bake_cloud import rows_of_cloud
+from .inspect_portals import rows_of_portals
 from .inspect_steerable import rows_of_steerable
+from .inspect_transfer import rows_of_transfer
 
 
 def inspect(
@@ -36,7 +39,8 @@ def inspect(
     bake
         NAME.prelight.
     clusters
-        Draw the clusters of lights on the unfolded cube into this .png: small where shadows are sharp.
+        Draw the clusters of lights on the unfolded cube into this .png: small where shadows are sharp. Of a cloud
+        of lights: the lights in the scene, and the groups of them that a zone has.
     zone
         Whose clusters, where the bake has several zones; counted from 0, which is the one if not given.
     over
@@ -85,6 +89,11 @@ def inspect(
 
 def _draw_clusters(bake: Path, path: Path, *, zone: int, over: str | None, force: bool) -> None:
     with printing.waiting("drawing the clusters"):
+        if over is None and _is_cloud(bake):
+            from ..relighting.cloud_figure import cloud_figure
+
+            cloud_figure(bake, path, zone=zone, force=force)
+            return
         from ..drawing.figures import save_figure
         from ..drawing.unfolded import unfolded_clusters
         from ..lighting.rig import Rig
@@ -95,6 +104,14 @@ def _draw_clusters(bake: Path, path: Path, *, zone: int, over: str | None, force
             raise InputError("--zone", f"{zone}, expected 0 to {light.zones - 1}")
         cube = None if over is None else Rig.open(over).surroundings.cube(light.resolution)
         save_figure(unfolded_clusters(light.clusters(zone), light.resolution, cube=cube), path, force=force)
+
+
+def _is_cloud(bake: Path) -> bool:
+    """Whether a cloud is what clusters of lights are to be drawn of."""
+    from ..storage.bake import Bake
+
+    kinds = {layer.kind for layer in Bake.open(bake).layers.values()}
+    return "cloud" in kinds and "environment" not in kinds
 
 
 def _draw_light(bake: Path, path: Path, *, towards: str, camera: str | None, force: bool) -> None:
@@ -113,6 +130,14 @@ def _draw_light(bake: Path, path: Path, *, towards: str, camera: str | None, for
         save_figure(figure, path, force=force)
 
 
+_ROWS = {
+    "cloud": rows_of_cloud,
+    "transfer": rows_of_transfer,
+    "steerable": rows_of_steerable,
+    "portals": rows_of_portals,
+}
+
+
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("bake", f"{summary['path']}, {printing.size(summary['bytes'])}"),
@@ -124,7 +149,7 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         *(("note", note) for note in summary["notes"]),
     ]
     for layer in summary["layers"]:
-        rows += rows_of_steerable(layer) if layer["kind"] == "steerable" else _rows_of_layer(layer)
+        rows += _ROWS.get(layer["kind"], _rows_of_layer)(layer)
     rows += [("picture", picture) for picture in summary["pictures"]]
     software = ", ".join(f"{name} {version}" for name, version in summary["software"].items())
     return [*rows, ("made with", software)]
@@ -140,7 +165,8 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
     what = "diffuse vertices, seen from anywhere"
     bounces = settings.get("bounces", 0)
     bounced = "" if bounces else "bounced light, "
-    loses = f"{bounced}gloss; within the tolerance, the edges of shadows"
+    gloss = "light through glass; " if settings.get("glossy_order") else "gloss; "
+    loses = f"{bounced}{gloss}within the tolerance, the edges of shadows"
     if layer["camera"] is not None:
         what = f"vertices, gloss as seen from camera {layer['camera']!r}"
         loses = f"{bounced}mirrors and clear glass; within the tolerance, the edges of shadows and highlights"
@@ -156,6 +182,8 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  tolerance", threshold + samples),
         *_rows_of_sun(settings),
         *(_rows_of_bounces(layer) if bounces else [("  bounces", "none: direct light only")]),
+        *_rows_of_caustics(layer),
+        *_rows_of_gloss(layer),
         ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         ("  loses", loses),
@@ -167,6 +195,15 @@ def _rows_of_sun(settings: dict[str, Any]) -> list[tuple[str, str]]:
         return []
     where = "anywhere above the horizon" if paths == "any" else f"where it stands at latitude {paths:g}°"
     return [("  sun", f"{where} a quarter of that")]
+
+
+def _rows_of_caustics(layer: dict[str, Any]) -> list[tuple[str, str]]:
+    settings, found = layer["parameters"], layer["statistics"]
+    if not settings.get("photons"):
+        return []
+    traced, noise = printing.count(found["photons_traced"]), found["caustic_noise"]
+    said = f"of glass and mirrors, {traced} photons; {noise:.1%} noise under an even sky"
+    return [("  caustics", said)]
 
 
 def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
@@ -181,6 +218,19 @@ def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
         f"{found['bounced_remaining']:.2g} of it is left after solving ({found['bounced_products']} products)"
     )
     return [("  bounces", often), ("", kept), *_rows_of_first(found), ("", cost), *_rows_of_mesh(found)]
+
+
+def _rows_of_gloss(layer: dict[str, Any]) -> list[tuple[str, str]]:
+    settings, found = layer["parameters"], layer["statistics"]
+    if not (order := settings.get("glossy_order")):
+        return []
+    from ..bases.exitant import milliseconds
+
+    rows, fit = found.get("glossy_rows", 0), found.get("glossy_fit_error", 0.0)
+    kept = f"{rows:,} vertices for any eye, in harmonics of order {order}; {printing.size(layer['glossy_bytes'])}"
+    rays, took = printing.count(found.get("glossy_rays", 0)), milliseconds(rows, order)
+    cost = f"{rays} rays; about {took:.0f} ms a change of light"
+    return [("  gloss", kept), ("", f"{cost}; of the sharpest lobe {fit:.0%} (RMS) is beyond that order")]
 
 
 def _rows_of_mesh(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -30,7 +30,7 @@ def rows_of_steerable(layer: dict[str, Any]) -> list[tuple[str, str]]:
             ("  noise", f"{found['noise']:.1%} of a pixel on average, under light alike in all directions")
         )
     if said.get("deep"):
-        rows.append(("  first bounce", f"apart, {said['deep']} samples a pixel: exact for every beam"))
+        rows.append(("  first bounce", f"apart, {said['deep']} samples a pixel: exact for every shape"))
     if said["left_out"]:
         rows.append(("  left out", said["left_out"]))
     return [*rows, ("  size", printing.size(layer["bytes"]) + took)]
@@ -40,10 +40,15 @@ def _lamp(text: str) -> str:
     """A lamp in a few words."""
     try:
         lamp = json.loads(text)
+        if lamp["kind"] == "sky":
+            return f"a sky, degree {lamp['degree']}"
         place = lamp["position"] if lamp["kind"] == "spot" else lamp["corner"]
         at = ", ".join(f"{x:g}" for x in place)
     except (ValueError, KeyError, TypeError, RecursionError):
         return "not described"
     if lamp["kind"] == "spot":
         return f"a spot at {at}, degree {lamp.get('degree')}, radius {lamp.get('radius')} m"
-    return f"a panel from {at}, periods {lamp.get('periods')}, degree {lamp.get('degree')}"
+    if lamp["kind"] == "box":
+        return f"a box of light from {at}, periods {lamp.get('periods')}"
+    held = f"terms {lamp['terms']}" if lamp.get("terms") else f"periods {lamp.get('periods')}"
+    return f"a panel from {at}, {held}, degree {lamp.get('degree')}"

@@ -27,6 +27,13 @@ def relight(
     size: str | None = None,
     strong_lights: str = "rays",
     background: str = "environment",
+    narrow: Annotated[int, Parameter(converter=arguments.whole_number)] = 0,
+    day: str | None = None,
+    place: str | None = None,
+    zone: str | None = None,
+    hours: str | None = None,
+    steps: Annotated[int, Parameter(converter=arguments.whole_number)] = 48,
+    fps: float = 12.0,
     exposure: str = "auto",
     curve: str = "filmic",
     force: Annotated[bool, Parameter(negative="")] = False,
@@ -45,7 +52,7 @@ def relight(
         of steerable lamps a rig file with [[spot]]s and [[panel]]s.
     output
         .png (as displayed), .exr (linear picture) or .npy (linear radiance of the receivers, (R, 3) float32,
-        in receiver order). Without it only the figures are printed.
+        in receiver order; toward --camera where a bake has gloss). Without it only the figures are printed.
     layout
         How the map is folded: latlong, angular, cross, horizontal-cross, strip or tall-strip; recognised by
         its proportions if not given.
@@ -66,6 +73,24 @@ def relight(
         takes a moment where they moved; clusters leaves them to the bake, as fast and as true as the rest.
     background
         environment (the map behind the scene), none (black), or a linear colour such as 0.1,0.1,0.12.
+    narrow
+        Of bakes of steerable lamps: what of a light is too narrow for its layer is traced live, with its first bounce,
+        in so many samples a pixel, 1 to 256. Takes Mitsuba, and a moment.
+    day
+        A date such as 2026-06-21: the sun and the clear sky of that day from hour to hour, in place of the rig's map.
+        The output is then a film (.mp4, .webp, .gif) or numbered pictures (day_{frame}.png).
+    place
+        Where on earth, for --day: latitude and longitude such as 43.7,15.9, north and east positive. The [sun] of the
+        rig says this, if not given; turbidity, ground and north come from there too.
+    zone
+        Time zone of --hours and of what is printed, such as Europe/Zagreb; the place's mean solar time if not given.
+    hours
+        From when to when, such as 5-21; from the first twilight to the last if not given.
+    steps
+        How many moments of the day.
+    fps
+        Of a film, moments a second. With --exposure auto a day's pictures are each exposed half of the way from the
+        day's mean to their own, as an eye adapts; a number of stops is for all.
     exposure
         Stops for .png, or auto; auto+0.5 is half a stop brighter. An .exr stays linear, as radiance.
     curve
@@ -75,42 +100,41 @@ def relight(
     json
         Print one JSON object on standard output.
     """
-    from ..files import refuse_existing
-
-    if output is not None:
-        if output.suffix.lower() not in (".png", ".exr", ".npy"):
-            raise InputError(output, "expected a name ending in .png, .exr or .npy")
-        refuse_existing(output, force=force)
+    if output is not None and day is None:
+        _check_output(output, force=force)
     width, height = (None, None) if size is None else arguments.picture_size(size)
     if strong_lights not in ("rays", "clusters"):
         raise InputError("--strong-lights", f"{strong_lights!r}, expected rays or clusters")
     metered, stops = arguments.exposure(exposure)
     behind = _background(background)
 
+    from ..lighting.rig import Rig
     from ..relighting.stored_steerable import steerable_names
     from ..storage.bake import Bake
+    from .relight_day import DayOptions, relight_day
+    from .relight_layers import Shown, relight_layers
 
+    days = DayOptions(day, place, zone, hours, steps, fps, rotate)
+    shown = Shown(camera, (width, height), behind, metered, stops, curve, (scale, tint))
     opened = Bake.open(bake)
+    if days.are_given:
+        relight_day(opened, Rig.open(rig, layout=layout), days, shown, output=output, force=force, json=json)
+        return
     if opened.layers and len(steerable_names(opened)) == len(opened.layers):
         from .relight_steerable import relight_steerable
 
-        if camera is not None or size is not None:
-            raise InputError(
-                "--camera, --size", "steerable lamps are baked for one eye and size; leave them out"
-            )
-        if layout is not None or rotate or strong_lights != "rays" or background != "environment":
-            options = "--layout, --rotate, --strong-lights, --background"
-            raise InputError(options, "of environments; this bake has steerable lamps alone, leave them out")
+        _refuse_of_views(camera is not None or size is not None)
+        _refuse_of_skies(
+            layout is not None or rotate != 0 or strong_lights != "rays" or behind != "environment"
+        )
         relight_steerable(
             opened, rig, output=output, brightness=(scale, tint), exposure=(metered, stops), curve=curve,
-            force=force, json=json,
+            narrow=narrow, force=force, json=json,
         )  # fmt: skip
         return
+    if narrow:
+        raise InputError("--narrow", "of steerable lamps; this bake has other layers, leave it out")
     if [layer.kind for layer in opened.layers.values()] != ["environment"]:
-        from ..lighting.rig import Rig
-        from .relight_layers import Shown, relight_layers
-
-        shown = Shown(camera, (width, height), behind, metered, stops, curve, (scale, tint))
         light = Rig.open(rig, layout=layout)
         light = replace(light, environment=light.environment.rotated(rotate))
         relight_layers(
@@ -118,7 +142,6 @@ def relight(
         )
         return
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
-        from ..lighting.rig import Rig
         from ..relighting.relighter import Relighter
 
         light = Relighter(opened, trace_strong=strong_lights == "rays")
@@ -132,6 +155,8 @@ def relight(
         started = time.perf_counter()
         radiance = light.radiance
         traced = (time.perf_counter() - started) * 1e3 if len(light.strong_lights) else 0.0
+        if (shine := light.glossy(eye.eye)) is not None:
+            radiance = radiance + shine
     figures = {
         "milliseconds": light.last.milliseconds,
         "bytes_read": light.last.bytes_read,
@@ -139,6 +164,7 @@ def relight(
         "clusters": light.last.clusters,
         "strong_lights": len(light.strong_lights),
         "strong_milliseconds": traced,
+        "glossy_milliseconds": light.glossy_milliseconds,
         "receivers": len(radiance),
         "output": None if output is None else str(output),
     }
@@ -151,10 +177,26 @@ def relight(
         stops += picture.stops("auto") if metered else 0.0
         figures["exposure_stops"] = stops
         picture.save(output, force=force, exposure=stops, curve=curve)
-    if json:
-        printing.say_json(figures)
-        return
-    _say(figures)
+    printing.say_json(figures) if json else _say(figures)
+
+
+def _check_output(output: Path, *, force: bool) -> None:
+    from ..files import refuse_existing
+
+    if output.suffix.lower() not in (".png", ".exr", ".npy"):
+        raise InputError(output, "expected a name ending in .png, .exr or .npy")
+    refuse_existing(output, force=force)
+
+
+def _refuse_of_views(given: bool) -> None:
+    if given:
+        raise InputError("--camera, --size", "steerable lamps are baked for one eye and size; leave them out")
+
+
+def _refuse_of_skies(given: bool) -> None:
+    if given:
+        what = "of environments; this bake has steerable lamps alone, leave them out"
+        raise InputError("--layout, --rotate, --strong-lights, --background", what)
 
 
 def _say(figures: dict[str, Any]) -> None:
@@ -168,6 +210,8 @@ def _say(figures: dict[str, Any]) -> None:
     if lights:
         which = "1 strong light" if lights == 1 else f"{lights} strong lights"
         words.append(f"{which} traced by rays in {figures['strong_milliseconds']:.0f} ms")
+    if took := figures["glossy_milliseconds"]:
+        words.append(f"what glossy surfaces send into all directions in {took:.0f} ms")
     if figures["output"] is not None:
         stops = figures.get("exposure_stops")
         shown = f", exposure {stops:+.2f} stops" if figures["output"].lower().endswith(".png") else ""

@@ -30,6 +30,15 @@ class Shown:
     curve: str
     brightness: tuple[float, str]  # a factor and a tint of all light
 
+    @property
+    def factors(self) -> np.ndarray:
+        """What the red, green and blue of all light are multiplied by, (3,). Raises InputError."""
+        from ..lighting import quantities
+
+        factor = quantities.amount("--scale", self.brightness[0], least=0.0, most=1e20)
+        tint = quantities.strength("--tint", arguments.colour("--tint", self.brightness[1]))
+        return np.array([factor * own for own in tint], np.float32)
+
 
 def relight_layers(
     bake: Bake,
@@ -42,11 +51,7 @@ def relight_layers(
     json: bool,
 ) -> None:
     """Light every layer with its share of the rig and add them up; the options are those of ``prelight relight``."""
-    from ..lighting import quantities
-
-    factor = quantities.amount("--scale", shown.brightness[0], least=0.0, most=1e20)
-    tint = quantities.strength("--tint", arguments.colour("--tint", shown.brightness[1]))
-    factors = np.array([factor * own for own in tint], np.float32)
+    factors = shown.factors
     with printing.waiting("opening the bake and the light (the first time, compiling too)"):
         from ..relighting.lit_bake import LitBake
 
@@ -65,6 +70,7 @@ def relight_layers(
             for layer in light.layers
         ],
         "receivers": len(irradiance),
+        "notes": light.notes,
         "output": None if output is None else str(output),
     }
     if output is not None and output.suffix.lower() == ".npy":
@@ -73,7 +79,7 @@ def relight_layers(
         write_npy(output, light.radiance(eye.eye) * factors)
     elif output is not None:
         picture = light.picture(
-            eye, width=shown.size[0], height=shown.size[1], background=shown.background
+            eye, width=shown.size[0], height=shown.size[1], background=shown.background, fine=True
         )
         behind = None if picture.background is None else picture.background * factors
         picture = replace(picture, linear=picture.linear * factors, background=behind)
@@ -83,6 +89,8 @@ def relight_layers(
     if json:
         printing.say_json(figures)
         return
+    for note in light.notes:
+        printing.say(f"note: {note}")
     names = ", ".join(layer.name for layer in light.layers)
     printing.say(
         f"relit {len(irradiance):,} receivers by {names} in {light.milliseconds:.1f} ms "

@@ -28,6 +28,7 @@ def relight_steerable(
     brightness: tuple[float, str],
     exposure: tuple[bool, float],
     curve: str,
+    narrow: int,
     force: bool,
     json: bool,
 ) -> None:
@@ -45,7 +46,12 @@ def relight_steerable(
 
         opened = Rig.open(rig)
         check_lamps_alone(opened, rig)
-        light = SteerableBake(bake)
+        parts = None
+        if narrow:
+            from ..relighting.viewed import narrow_parts
+
+            parts = narrow_parts(bake, narrow)
+        light = SteerableBake(bake, narrow=parts)
         notes = light.notes(opened.lights)
         light.light(opened.lights)
         update = light.light(opened.lights)  # with everything warm

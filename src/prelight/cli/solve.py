@@ -33,7 +33,7 @@ def solve(
     """Find lights whose picture is as near as they can come to one that you painted, and write them as a rig.
 
     Colours are found by non-negative least squares; directions, positions and widths by going downhill through
-    the steering weights. Pixels are read once, so this takes seconds. Bakes made with --deep cannot be solved.
+    the steering weights. Pixels are read once, so this takes seconds.
 
     `prelight solve chess.prelight --target wanted.exr -o found.toml`, then
     `prelight relight chess.prelight found.toml -o found.png`.

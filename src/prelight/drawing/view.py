@@ -11,7 +11,7 @@ vertices: a texture is as sharp as the picture, however few vertices there are.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import get_num_threads
@@ -80,6 +80,38 @@ class View:
     def triangles_seen(self) -> Int32[np.ndarray, "n"]:
         """Those that some pixel sees, ascending."""
         return np.unique(np.concatenate([strip.seen for strip in self._strips]))
+
+    def seen(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, tuple[int, int]]]:
+        """Of some rows of the picture after the other: where each pixel's entries begin (pixels + 1,), the triangle
+        (n,) and the weights (n, 3) of its corners in each entry, and how many rows and columns these are.
+        """
+        for strip in self._strips:
+            yield strip.starts, strip.seen, strip.weights, strip.coverage.shape
+
+    @property
+    def places(self) -> tuple[Int32[np.ndarray, "n"], Float32[np.ndarray, "n 3"]]:
+        """What pixels see of triangles, pixel after pixel: triangles, and weights of their vertices, whose sum is the
+        part of the pixel."""
+        found = [(strip.seen, strip.weights) for strip in self._strips]
+        seen, weights = (np.concatenate(part) for part in zip(*found, strict=True))
+        return seen, weights
+
+    def lit(self, picture: Picture, light: Radiance, albedo: Radiance) -> Picture:
+        """A picture with more light: irradiance / π at ``places`` (n, 3), reflected by the texture or the vertices'
+        ``albedo`` (V, 3)."""
+        linear, start = picture.linear.copy(), 0
+        for strip in self._strips:
+            here = slice(start, start := start + len(strip.seen))
+            parts = strip.weights.sum(axis=1, keepdims=True)
+            colour = np.einsum("nk,nkc->nc", strip.weights, albedo[self._frame.triangles[strip.seen]])
+            if strip.albedo is not None and self._frame.surface is not None:
+                worn = (self._frame.surface.texture_of[strip.seen] >= 0)[:, None]
+                colour = np.where(worn, strip.albedo * parts, colour)
+            pixel = np.repeat(np.arange(len(strip.starts) - 1), np.diff(strip.starts))
+            rows = linear[strip.first_row : strip.first_row + strip.rows].reshape(-1, 3)
+            for c in range(3):
+                rows[:, c] += np.bincount(pixel, colour[:, c] * light[here, c], minlength=len(rows))
+        return replace(picture, linear=linear)
 
     def draw(
         self, radiance: Radiance, *, irradiance: Radiance | None = None, background: Background = None

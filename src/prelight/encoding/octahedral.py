@@ -26,3 +26,17 @@ def decoded_directions(codes: UInt16[np.ndarray, "directions 2"]) -> Float64[np.
     flat[below] = (1 - np.abs(flat[below][:, ::-1])) * np.where(flat[below] >= 0, 1.0, -1.0)
     d = np.column_stack([flat, z])
     return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def encoded_places(coordinates: np.ndarray, marked: np.ndarray) -> UInt16[np.ndarray, "n 2"]:
+    """Coordinates 0 to 1 on a panel, in steps of 1/32767, twice; the first is odd where it is ``marked`` (n,)."""
+    found = 2 * np.rint(np.clip(coordinates, 0.0, 1.0) * 32767.0).astype(np.uint16)
+    found[:, 0] += marked.astype(np.uint16)
+    return found
+
+
+def decoded_places(
+    places: UInt16[np.ndarray, "n 2"],
+) -> tuple[Float64[np.ndarray, "n 2"], np.ndarray]:
+    """The other way, and which are marked, (n,) bool."""
+    return (places >> 1) / 32767.0, (places[:, 0] & 1).astype(bool)

@@ -140,6 +140,12 @@ def principal_components(span_gram: np.ndarray, basis: SampledSet, *, keep: Keep
     return Components(V.T @ A, V.T @ basis.weights(np.eye(basis.functions)), singular)
 
 
+def no_components(basis: SampledSet) -> Components:
+    """One black image, where there is no light: it takes no light's weight."""
+    nothing = np.zeros((1, basis.functions))
+    return Components(nothing, nothing, np.zeros(basis.lights))
+
+
 def basis_lights(basis: SampledSet) -> Components:
     """The basis images themselves as components: nothing is left out."""
     weights = basis.weights(np.eye(basis.functions))

@@ -53,24 +53,42 @@ def left_shares(
 
 
 def halves(
-    light: Float32[np.ndarray, "vertices 3"],
+    light: Float32[np.ndarray, "vertices n"],
     order: Int32[np.ndarray, "vertices"],
     left: Float32[np.ndarray, "size"],
-) -> Float32[np.ndarray, "size 3"]:
+) -> Float32[np.ndarray, "size n"]:
     """Of each node k from 1 on, how much more its left half has in the mean than its right; at 0, the mean of all.
 
     Means are by the shares ``left`` of halves.
     """
     size = len(left)
-    means = np.zeros((2 * size, 3), np.float32)
+    means = np.zeros((2 * size, light.shape[1]), np.float32)
     means[size : size + len(order)] = light[order]
-    out = np.empty((size, 3), np.float32)
+    out = np.empty((size, light.shape[1]), np.float32)
     for first, last in _levels(size):
         right = means[2 * first + 1 : 2 * last : 2]
         np.subtract(means[2 * first : 2 * last : 2], right, out=out[first:last])
         np.multiply(out[first:last], left[first:last, None], out=means[first:last])
         means[first:last] += right
     out[0] = means[1]
+    return out
+
+
+def from_halves(
+    values: Float32[np.ndarray, "size n"],
+    order: Int32[np.ndarray, "vertices"],
+    left: Float32[np.ndarray, "size"],
+) -> Float32[np.ndarray, "vertices n"]:
+    """The transpose of ``halves``."""
+    size = len(left)
+    means = np.empty((2 * size, values.shape[1]), np.float32)
+    means[1] = values[0]
+    for first, last in reversed(_levels(size)):
+        share = left[first:last, None]
+        means[2 * first : 2 * last : 2] = share * means[first:last] + values[first:last]
+        means[2 * first + 1 : 2 * last : 2] = (1 - share) * means[first:last] - values[first:last]
+    out = np.empty((len(order), values.shape[1]), np.float32)
+    out[order] = means[size : size + len(order)]
     return out
 
 

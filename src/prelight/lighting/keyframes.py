@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import InputError
 from .distributions import Power
 from .panel import Panel
+from .placed_lights import Lamp, PlacedPanel
 from .quantities import Triple
 from .spot import Spot
 
-Light = Spot | Panel
+Light = Spot | Panel | Lamp | PlacedPanel
 Ease = Literal["smooth", "linear"]
 
 
@@ -59,6 +60,20 @@ def between(one: Light, other: Light, share: float) -> Light:
     """From one light (share 0) to another (1). Raises InputError where there is nothing between them."""
     if isinstance(one, Spot) and isinstance(other, Spot):
         return _between_spots(one, other, share)
+    if isinstance(one, Lamp) and isinstance(other, Lamp):
+        return replace(
+            one,
+            position=_mixed(one.position, other.position, share),
+            radius=one.radius + share * (other.radius - one.radius),
+            beam=_between_spots(one.beam, other.beam, share),
+        )
+    if isinstance(one, PlacedPanel) and isinstance(other, PlacedPanel):
+        return replace(
+            one,
+            position=_mixed(one.position, other.position, share),
+            size=_mixed(one.size, other.size, share),
+            beam=_between_spots(one.beam, other.beam, share),
+        )
     if isinstance(one, Panel) and isinstance(other, Panel):
         if len(one.position) != len(other.position) or (one.beam is None) != (other.beam is None):
             raise InputError("keys", "have another number of axes, or a direction that others have not")
@@ -72,7 +87,7 @@ def between(one: Light, other: Light, share: float) -> Light:
             radiance=_mixed(one.radiance, other.radiance, share),
             beam=beam,
         )
-    raise InputError("keys", "there is nothing between a spot and a panel")
+    raise InputError("keys", "there is nothing between lights of two kinds")
 
 
 def _between_spots(one: Spot, other: Spot, share: float) -> Spot:

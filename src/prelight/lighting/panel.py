@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ..arrays import Float64
+from ..bases.exponentials import ExponentialAxis, ExponentialBasis
 from ..bases.panels import PanelBasis, axis_functions, power_coefficients, raised_cosine_coefficients
 from ..bases.products import ProductBasis
 from ..errors import InputError
@@ -41,6 +42,22 @@ def soft_power(width: float) -> float:
     return math.log(0.5) / (2.0 * math.log(math.cos(0.5 * math.pi * width)))
 
 
+def axis_shape(shape: Shape, width: float, x: np.ndarray) -> Float64[np.ndarray, "..."]:
+    """A shape at distances from its middle, in parts of the panel, as it is: 1 in its middle, no copies."""
+    if shape == "soft":
+        inside = np.abs(x) < 0.5
+        return np.where(inside, np.abs(np.cos(np.pi * x)) ** (2.0 * soft_power(0.5 * width)), 0.0)
+    return np.where(np.abs(x) < 0.5 * width, 0.5 + 0.5 * np.cos(2.0 * np.pi * x / width), 0.0)
+
+
+def exponential_fit(axis: ExponentialAxis, shape: Shape, width: float, at: float) -> AxisFit:
+    """A shape with its middle at ``at`` as an axis of exponentials times polynomials holds it best over the panel."""
+    found, error = axis.fitted(lambda x: axis_shape(shape, width, x - at))
+    x = (np.arange(_LOOKS) + 0.5) / _LOOKS
+    held, wanted = axis.evaluate(x) @ found, axis_shape(shape, width, x - at)
+    return AxisFit(found, error, float(np.abs(held - wanted).max()), float(held.min()), 0.0)
+
+
 def axis_fit(shape: Shape, width: float, harmonics: int) -> AxisFit:
     """A shape of this width, in parts of the panel, around 0.
 
@@ -48,12 +65,11 @@ def axis_fit(shape: Shape, width: float, harmonics: int) -> AxisFit:
     ±width/4 so that it looks as wide; exact for whole ν up to the number of harmonics.
     """
     x = (np.arange(_LOOKS) + 0.5) / _LOOKS - 0.5
+    wanted = axis_shape(shape, width, x)
     if shape == "soft":
-        power = soft_power(0.5 * width)
-        found, wanted = power_coefficients(power, harmonics), np.abs(np.cos(np.pi * x)) ** (2.0 * power)
+        found = power_coefficients(soft_power(0.5 * width), harmonics)
     else:
         found = raised_cosine_coefficients(width, harmonics)
-        wanted = np.where(np.abs(x) < 0.5 * width, 0.5 + 0.5 * np.cos(2.0 * np.pi * x / width), 0.0)
     held = axis_functions(harmonics, x) @ found
     left = held - wanted
     reach = float(np.abs(x[wanted > _DARK]).max())
@@ -109,27 +125,43 @@ class Panel:
                 "shape", f"{str(self.shape)[:40]!r}, expected one of {', '.join(get_args(Shape))}"
             )
 
-    def fits(self, basis: PanelBasis) -> list[AxisFit]:
+    def shape_at(self, points: np.ndarray) -> Float64[np.ndarray, "points"]:
+        """Its true shape at coordinates (n, axes), without its colour; nothing comes back at the opposite edge."""
+        found = np.ones(len(points))
+        for x, at, width in zip(points.T, self.position, self.width, strict=True):
+            found *= axis_shape(self.shape, width, x - at)
+        return found
+
+    def fits(self, basis: PanelBasis | ExponentialBasis) -> list[AxisFit]:
         """Its shape on each axis. Raises InputError where the panel has another number of axes."""
-        if len(basis.harmonics) != len(self.width):
-            raise InputError(
-                "position", f"{len(self.width)} numbers, this layer's light has {len(basis.harmonics)} axes"
-            )
+        axes = len(basis.harmonics) if isinstance(basis, PanelBasis) else len(basis.axes)
+        if axes != len(self.width):
+            raise InputError("position", f"{len(self.width)} numbers, this layer's light has {axes} axes")
+        if isinstance(basis, ExponentialBasis):
+            return [
+                exponential_fit(axis, self.shape, w, at)
+                for axis, w, at in zip(basis.axes, self.width, self.position, strict=True)
+            ]
         return [axis_fit(self.shape, w, n) for w, n in zip(self.width, basis.harmonics, strict=True)]
 
     def free_range(self, basis: PanelBasis) -> list[tuple[float, float]]:
         """On each axis, from where to where its middle may be before a copy comes in at the opposite edge."""
         return [(fit.reach, 1.0 - fit.reach) for fit in self.fits(basis)]
 
-    def placed(self, basis: PanelBasis) -> Float64[np.ndarray, "functions"]:
+    def placed(self, basis: PanelBasis | ExponentialBasis) -> Float64[np.ndarray, "functions"]:
         """Coefficients (S,) of its shape where it is, without its colour."""
+        if isinstance(basis, ExponentialBasis):
+            own = np.ones(1)
+            for fit in self.fits(basis):
+                own = np.multiply.outer(own, fit.coefficients).ravel()
+            return own
         shape = basis.product([fit.coefficients for fit in self.fits(basis)])
         return basis.shifted(shape, np.array(self.position))
 
     def coefficients(self, basis: object, place: Place) -> Float64[np.ndarray, "functions 3"]:
         """Coefficients (S, 3). Raises InputError where the layer is that of a spot."""
         panel = basis.panel if isinstance(basis, ProductBasis) else basis
-        if not isinstance(panel, PanelBasis):
+        if not isinstance(panel, PanelBasis | ExponentialBasis):
             what = "its layer" if self.layer is None else f"the layer {self.layer}"
             raise InputError("panel", f"{what} is that of a spot; expected [[spot]] for it")
         placed = self.placed(panel)[:, None] * np.array(self.radiance)
@@ -139,12 +171,13 @@ class Panel:
                     "direction", "this layer's light is baked with one beam; leave direction out"
                 )
             return placed
-        beam = self.beam or Spot((1.0, 1.0, 1.0), direction=self._ahead(place))
+        beam = self.beam or Spot((1.0, 1.0, 1.0), direction=self.ahead(place))
         turned = beam.shape(basis.spot, place) * np.array(beam.intensity)
         return (placed[:, None] * turned[None]).reshape(basis.functions, 3)
 
     @staticmethod
-    def _ahead(place: Place) -> Triple:
+    def ahead(place: Place) -> Triple:
+        """Straight out of a panel."""
         first, second = np.array(place.edges[0]), np.array(place.edges[1])
         x, y, z = np.cross(first, second).tolist()
         return x, y, z
@@ -152,12 +185,12 @@ class Panel:
     def notes(self, basis: object, place: Place) -> list[str]:
         """What somebody who lights with it should know: copies at the other edge, a shape held only roughly."""
         panel = basis.panel if isinstance(basis, ProductBasis) else basis
-        if not isinstance(panel, PanelBasis):
+        if not isinstance(panel, PanelBasis | ExponentialBasis):
             return []
-        found = []
+        found, wraps = [], isinstance(panel, PanelBasis)
         for axis, (at, fit) in enumerate(zip(self.position, self.fits(panel), strict=True)):
             low, high = fit.reach, 1.0 - fit.reach
-            if not low - 1e-9 <= at <= high + 1e-9:
+            if wraps and not low - 1e-9 <= at <= high + 1e-9:
                 found.append(
                     f"position {at:g} along axis {axis + 1} is outside {low:.2f} to {high:.2f}:"
                     " a part comes back at the opposite edge"

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
 from ..files import read_regular
+from .daylight import Daylight
 from .disc import Disc
 from .environment import STOCK_PREFIX, Environment
+from .glass import Glass
 from .keyframes import Track
+from .outside import Outside
 from .painting import pointing
 from .panel import Panel
+from .placed_lights import PlacedLight
 from .quantities import Triple
 from .regions import Cap, Region, Window
 from .rig_file import DiscTable, EnvironmentTable, MapTable, PaintTable, RigTables, checked_tables
-from .rig_lights import track_of
+from .rig_lights import PanelTable, SpotTable, layered_track
+from .rig_outside import outside_of
+from .rig_placed import placed_track
+from .rig_portals import glass_table
+from .rig_sky import daylight_of
 from .sky import STOCK_SKIES
 from .spot import Spot
 
@@ -25,17 +33,36 @@ _LARGEST_FILE = 1_000_000
 
 @dataclass(frozen=True)
 class Rig:
-    """What lights a bake: an environment, and the lights that steerable layers have places for."""
+    """What lights a bake: an environment, the lights that steerable layers have places for, and lamps.
+
+    ``tracks`` are of steerable layers; ``lamps`` have a place of their own in the scene. ``daylight`` is what
+    ``environment`` was made from, where a sun's place and hour are given; ``outside`` the world before it, which stands
+    as it does at ``seconds``; ``portals`` the glass of a room's portals.
+    """
 
     environment: Environment
     tracks: tuple[Track, ...] = ()
+    lamps: tuple[Track, ...] = ()
+    daylight: Daylight | None = None
+    outside: Outside | None = None
+    seconds: float = 0.0
+    portals: tuple[Glass, ...] = ()
 
     @property
     def surroundings(self) -> Environment:
-        """The environment, for a bake with nothing else. Raises InputError if the rig has spots or panels."""
+        """The environment, for a bake with nothing else. Raises InputError if the rig has lamps, spots or panels."""
+        if self.lamps:
+            what = "but this bake has no transfer layer, which takes them; leave them out, or prelight bake transfer"
+            raise InputError("rig", f"has lights with a place in the scene ({len(self.lamps)}), {what}")
         if self.tracks:
             what = "but no layer of this bake has a place for them; leave them out, or light a steerable bake"
             raise InputError("rig", f"has [[spot]] or [[panel]] ({len(self.tracks)}), {what}")
+        if self.outside is not None:
+            what = "but this bake has no portals layer, which alone sees it; leave it out, or prelight bake portals"
+            raise InputError("rig", f"has [outside], {what}")
+        if self.portals:
+            what = "but this bake has no portals layer; leave them out, or prelight bake portals"
+            raise InputError("rig", f"has [[portal]] ({len(self.portals)}), {what}")
         return self.environment
 
     @property
@@ -45,18 +72,39 @@ class Rig:
 
     def lights_at(self, seconds: float) -> tuple[Spot | Panel, ...]:
         """Spots and panels at a time."""
-        return tuple(track.at(seconds) for track in self.tracks)
+        return tuple(track.at(seconds) for track in self.tracks)  # ty: ignore[invalid-explicit-return]
+
+    def lamps_at(self, seconds: float) -> tuple[PlacedLight, ...]:
+        """Lights with a place of their own, at a time."""
+        return tuple(track.at(seconds) for track in self.lamps)  # ty: ignore[invalid-explicit-return]
+
+    def at(self, seconds: float) -> Rig:
+        """Everything at rest, as it is at a time."""
+        moved = {
+            name: tuple(Track((0.0,), (track.at(seconds),)) for track in getattr(self, name))
+            for name in ("tracks", "lamps")
+        }
+        return replace(self, seconds=seconds, **moved)
+
+    def under(self, daylight: Daylight) -> Rig:
+        """With the sky and the sun of another hour in place of its map; discs and paint of its own stay."""
+        known = () if self.daylight is None else self.daylight.environment().discs
+        own = tuple(disc for disc in self.environment.discs if disc not in known)
+        sky = daylight.environment()
+        sky = replace(sky, paints=self.environment.paints, discs=(*sky.discs, *own))
+        return replace(self, environment=sky, daylight=daylight)
 
     @property
     def duration(self) -> float:
         """When the last light stops changing, seconds; 0 where nothing moves."""
-        return max((track.duration for track in self.tracks), default=0.0)
+        world = () if self.outside is None else (self.outside.duration,)
+        return max((*(track.duration for track in (*self.tracks, *self.lamps)), *world), default=0.0)
 
     @classmethod
     def open(cls, source: str, *, layout: str | None = None) -> Rig:
         """A rig file (.toml), an environment map, or ``stock:NAME``; ``layout`` is the map's, if not recognised.
 
-        A rig file has tables ``[environment]``, ``[[disc]]``, ``[[paint]]``, ``[[spot]]`` and ``[[panel]]``
+        A rig file has tables ``[environment]``, ``[[disc]]``, ``[[paint]]``, ``[[lamp]]``, ``[[spot]]``, ``[[panel]]``
         (docs/rig.md); a file it names is looked for beside it. Raises InputError, with a JSON pointer for what is
         wrong in the file.
         """
@@ -77,29 +125,41 @@ class Rig:
         if tables.environment is None and layout is not None:
             raise InputError("--layout", f"{layout!r}, but the rig {path.name} has no map")
         environment = Environment.dark()
+        daylight = None if tables.sun is None else daylight_of(tables.sun, path)
+        outside = None if tables.outside is None else outside_of(tables.outside, path)
         if tables.environment is not None:
             environment = _environment(tables.environment, path, layout=layout)
         try:
+            own = [_disc(disc) for disc in tables.disc]
+            if daylight is not None:
+                environment = daylight.environment()
             for paint in tables.paint:
                 environment = environment.painted(_region(paint), paint.radiance, opacity=paint.opacity)
-            environment = environment.with_discs([_disc(disc) for disc in tables.disc])
+            environment = environment.with_discs([*environment.discs, *own])
         except InputError as error:  # such as radiance beyond float32
             raise InputError(path, error.reason) from None
-        return cls(environment, _tracks(tables, path))
+        tracks, lamps = _tracks(tables, path)
+        glass = tuple(glass_table(table, path, n) for n, table in enumerate(tables.portal))
+        return cls(environment, tracks, lamps, daylight, outside, portals=glass)
 
 
-def _tracks(tables: RigTables, path: Path) -> tuple[Track, ...]:
-    made: list[Track] = []
-    for kind, rows in (("spot", tables.spot), ("panel", tables.panel)):
+def _tracks(tables: RigTables, path: Path) -> tuple[tuple[Track, ...], tuple[Track, ...]]:
+    """Lights of steerable layers, and those with a place of their own."""
+    layered: list[Track] = []
+    placed: list[Track] = []
+    for kind, rows in (("lamp", tables.lamp), ("spot", tables.spot), ("panel", tables.panel)):
         for n, table in enumerate(rows):
             try:
-                made.append(track_of(table, path.parent))
+                if isinstance(table, SpotTable | PanelTable):
+                    layered.append(layered_track(table, path.parent))
+                else:
+                    placed.append(placed_track(table, path.parent))
             except InputError as error:
                 pointer = f"{path.name} /{kind}/{n}"
                 raise InputError(
                     error.path, error.reason, f"{error.where}, {pointer}" if error.where else pointer
                 ) from None
-    return tuple(made)
+    return tuple(layered), tuple(placed)
 
 
 def _environment(table: EnvironmentTable, path: Path, *, layout: str | None) -> Environment:

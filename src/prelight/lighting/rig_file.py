@@ -21,6 +21,21 @@ from .rig_fields import (
     Text,
 )
 from .rig_lights import PanelKey, PanelTable, SpotKey, SpotTable
+from .rig_outside import ObjectTable, OutsideTable, PathKey, PathTable
+from .rig_placed import (
+    LAYERED,
+    PLACED,
+    AnyPanel,
+    AnySpot,
+    LampKey,
+    LampTable,
+    PlacedPanelKey,
+    PlacedPanelTable,
+    PlacedSpotKey,
+    PlacedSpotTable,
+)
+from .rig_portals import PortalTable
+from .rig_sky import SunTable
 
 _MOST_DISCS, _MOST_PAINTS, _MOST_LIGHTS = 1_000, 100, 1_000
 
@@ -109,17 +124,23 @@ class RigTables(Table):
     """All of a rig file."""
 
     environment: EnvironmentTable | None = None
+    sun: SunTable | None = None
+    outside: OutsideTable | None = None
     disc: list[DiscTable] = Field(default_factory=list, max_length=_MOST_DISCS)
     paint: list[PaintTable] = Field(default_factory=list, max_length=_MOST_PAINTS)
-    spot: list[SpotTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
-    panel: list[PanelTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
+    lamp: list[LampTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
+    spot: list[AnySpot] = Field(default_factory=list, max_length=_MOST_LIGHTS)
+    panel: list[AnyPanel] = Field(default_factory=list, max_length=_MOST_LIGHTS)
+    portal: list[PortalTable] = Field(default_factory=list, max_length=_MOST_LIGHTS)
 
     @model_validator(mode="after")
     def _has_light(self) -> RigTables:
-        lights = (self.disc, self.paint, self.spot, self.panel)
-        if self.environment is None and not any(lights):
+        lights = (self.disc, self.paint, self.lamp, self.spot, self.panel)
+        if self.environment is not None and self.sun is not None:
+            raise ValueError("[sun] has a sky of its own; leave out either it or [environment]")
+        if self.environment is None and self.sun is None and not any(lights):
             raise ValueError(
-                "no light: expected a table [environment] with map, [[disc]], [[spot]] or [[panel]]"
+                "no light: expected a table [environment] with map, [sun], [[disc]], [[lamp]], [[spot]] or [[panel]]"
             )
         return self
 
@@ -128,12 +149,25 @@ _KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
     (): RigTables,
     ("environment",): EnvironmentTable,
     ("environment", "blend"): BlendTable,
+    ("sun",): SunTable,
+    ("outside",): OutsideTable,
+    ("outside", "object"): ObjectTable,
+    ("outside", "object", "keys"): PathKey,
+    ("outside", "room"): PathTable,
+    ("outside", "room", "keys"): PathKey,
     ("disc",): DiscTable,
     ("paint",): PaintTable,
-    ("spot",): SpotTable,
-    ("panel",): PanelTable,
-    ("spot", "keys"): SpotKey,
-    ("panel", "keys"): PanelKey,
+    ("lamp",): LampTable,
+    ("lamp", "keys"): LampKey,
+    ("spot", LAYERED): SpotTable,
+    ("spot", LAYERED, "keys"): SpotKey,
+    ("spot", PLACED): PlacedSpotTable,
+    ("spot", PLACED, "keys"): PlacedSpotKey,
+    ("panel", LAYERED): PanelTable,
+    ("panel", LAYERED, "keys"): PanelKey,
+    ("panel", PLACED): PlacedPanelTable,
+    ("panel", PLACED, "keys"): PlacedPanelKey,
+    ("portal",): PortalTable,
 }
 _IN_WORDS = {
     "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",
@@ -161,14 +195,16 @@ def checked_tables(document: dict[str, Any], path: object) -> RigTables:
         )
     else:
         reason = _reason(first, place)
-    raise InputError(path, reason, "/" + "/".join(str(part) for part in place)) from None
+    pointer = "/" + "/".join(str(part) for part in place if part not in (LAYERED, PLACED))
+    raise InputError(path, reason, pointer) from None
 
 
 def _reason(error: Any, place: tuple[int | str, ...]) -> str:
     kind = error["type"]
     if kind == "extra_forbidden":
         known = _KNOWN[tuple(part for part in place[:-1] if isinstance(part, str))]
-        return f"{str(place[-1])[:60]!r} is not known here; known are {', '.join(known.model_fields)}"
+        names = [name for name in known.model_fields if name not in getattr(known, "unused", ())]
+        return f"{str(place[-1])[:60]!r} is not known here; known are {', '.join(names)}"
     if kind == "missing":
         return f"{place[-1]} is missing"
     if kind == "value_error":

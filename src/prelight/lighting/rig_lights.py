@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -34,6 +35,8 @@ Coefficients = Annotated[list[Number], Field(min_length=1, max_length=41)]
 
 _AIMS = ("direction", "azimuth_deg", "elevation_deg", "target")
 _POWERS = ("power", "width_deg")
+_STRENGTHS = ("intensity", "radiance", "power_w", "lumens")
+_COLOURS = ("color", "kelvin")
 Time = Annotated[Number, Field(gt=0, le=86_400)]
 _MOST_KEYS = 1_000
 
@@ -147,13 +150,13 @@ class PanelTable(BeamTable):
         return self
 
 
-def track_of(table: SpotTable | PanelTable, folder: Path) -> Track:
-    """The light of a table, at 0 as the table has it and then as its keys say. Raises InputError."""
+def track_of(table: Any, folder: Path, *, made: Callable[[Any, Distribution | None], Any]) -> Track:
+    """The light that is ``made`` of a table, at 0 as the table has it and then as its keys say. Raises InputError."""
     values = {name: getattr(table, name) for name in table.model_fields_set - {"keys"}}
     times, tables = [0.0], [table]
     for key in table.keys:
         given = {name: getattr(key, name) for name in key.model_fields_set - {"at"}}
-        for group in (_AIMS, _POWERS):  # one of a group replaces the others
+        for group in (_AIMS, _POWERS, _STRENGTHS, _COLOURS):  # one of a group replaces the others
             if any(name in given for name in group):
                 values = {name: value for name, value in values.items() if name not in group}
         values |= given
@@ -169,9 +172,13 @@ def track_of(table: SpotTable | PanelTable, folder: Path) -> Track:
         named = (one.power, one.width_deg, str(one.polynomial), one.ies, one.picture, one.spread_deg)
         if named not in files:  # the same file is the same distribution at all times
             files[named] = _distribution(one, folder)
-        made = spot_of if isinstance(one, SpotTable) else panel_of
-        lights.append(made(one, files[named]))  # ty: ignore[invalid-argument-type]
+        lights.append(made(one, files[named]))
     return Track(tuple(times), tuple(lights), table.ease)
+
+
+def layered_track(table: SpotTable | PanelTable, folder: Path) -> Track:
+    """The light of a table whose place is in a layer, as ``track_of``."""
+    return track_of(table, folder, made=spot_of if isinstance(table, SpotTable) else panel_of)
 
 
 def spot_of(table: SpotTable, distribution: Distribution | None) -> Spot:
@@ -181,13 +188,13 @@ def spot_of(table: SpotTable, distribution: Distribution | None) -> Spot:
         assert isinstance(distribution, Photometry)  # else there is an intensity: SpotTable
         peak = distribution.watts[0]
         intensity = (peak, peak, peak)
-    return _beam(table, distribution, _scaled(intensity, table.scale))
+    return beam_of(table, distribution, _scaled(intensity, table.scale))
 
 
 def panel_of(table: PanelTable, distribution: Distribution | None) -> Panel:
     """The light of a table, with a beam in the shape that its keys or files describe. Raises InputError."""
     width = table.width * len(table.position) if len(table.width) == 1 else table.width
-    beam = _beam(table, distribution, (1.0, 1.0, 1.0)) if table.turns else None
+    beam = beam_of(table, distribution, (1.0, 1.0, 1.0)) if table.turns else None
     return Panel(
         tuple(table.position), tuple(width), _scaled(table.radiance, table.scale),
         shape=table.shape, beam=beam, layer=table.layer,
@@ -199,7 +206,8 @@ def _scaled(colour: Triple, scale: float) -> Triple:
     return red * scale, green * scale, blue * scale
 
 
-def _beam(table: BeamTable, distribution: Distribution | None, intensity: Triple) -> Spot:
+def beam_of(table: BeamTable, distribution: Distribution | None, intensity: Triple) -> Spot:
+    """Where a table's light points, and its shape. Raises InputError."""
     direction = table.direction
     if table.azimuth_deg is not None and table.elevation_deg is not None:
         x, y, z = pointing(table.azimuth_deg, table.elevation_deg).tolist()

@@ -18,6 +18,8 @@ from ..scene.geometry import Scene
 from ..scene.variant import mitsuba
 from .mitsuba import triangle_mesh
 from .offset import ray_offset
+from .phong import KIND as PHONG
+from .phong import register_phong
 
 _EVEN = 1e-6  # vertex colours nearer to the material's own are that colour
 
@@ -72,6 +74,7 @@ class SurfaceScene:
 
     def __init__(self, scene: Scene, *, resolution: int | None = None, emits: bool = False) -> None:
         self.mi = mitsuba()
+        register_phong(self.mi)
         self._least = 0.0 if resolution is None else min(_LEAST_WIDTH / resolution, 1.0)  # α
         self.widened: tuple[str, ...] = ()
         self.material_of = scene.material_of
@@ -221,6 +224,8 @@ class SurfaceScene:
             return table
         if kind in _WITH_WIDTH:
             return table | {"type": _WITH_WIDTH[kind], "alpha": self._least}
+        if kind == PHONG and isinstance(table.get("exponent"), int | float):
+            table["exponent"] = min(float(table["exponent"]), 0.5 / self._least**2)  # of a lobe as wide
         for name, power in _WIDTHS:
             width = table.get(name)
             if isinstance(width, int | float):

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32, Int64, Radiance
 from ..encoding.sparse_tiles import GROUP
-from .bounced_kernels import blocks_of, bounce, project
+from .bounced_kernels import bounce
 from .bounced_layer import BouncedLayer
+from .direct_to_indirect import DirectToIndirect, in_rows
 from .layer import EnvironmentLayer
 from .pace import Pace
 from .strong_lights import StrongLights
-
-_BY_ITSELF = 3  # bounces of traced lights followed one by one; then light is smooth enough for modes
-_LITTLE, _NOTHING = (
-    0.05,
-    1e-4,
-)  # of the light that falls: what bounces of it may be left to modes, may be forgotten
 
 Light = Float64[np.ndarray, "cells 3"]
 Coefficients = Float64[np.ndarray, "modes 3"]
@@ -42,6 +39,12 @@ class BouncedLight:
         self._sums = np.zeros((layer.groups, 3 * GROUP), np.float32)
         self._pace = Pace(bounce)
         self._strong: tuple[StrongLights, Radiance] | None = None
+        self._direct: DirectToIndirect | None = None
+        if part.sources is not None:
+            self._direct = DirectToIndirect(
+                part.modes, part.scales, part.sources, part.source_scales, part.first,
+                order=layer.order, rows=layer.rows, most=part.most,
+            )  # fmt: skip
 
     def follow(self, light: Light) -> bool:
         """Bounce this light of the cells; False if it is what it was."""
@@ -49,6 +52,8 @@ class BouncedLight:
             return False
         self._light = light
         self._multiply(self._of_cells(light), self._sums)
+        if self.part.caustics is not None:
+            self._add_stored(self.part.caustics.of(light))
         return True
 
     @property
@@ -64,33 +69,37 @@ class BouncedLight:
             light[cells[cells >= 0]] += weights[cells >= 0] * colour
         return light
 
-    def of_strong(self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]) -> Radiance:
-        """(rows, 3) what traced lights bring by bouncing, whose direct irradiance / π is ``direct``; kept."""
+    def of_strong(
+        self,
+        lights: StrongLights,
+        direct: Float64[np.ndarray, "rows 3"],
+        caustics: Callable[[StrongLights], Radiance | None] = lambda _: None,
+    ) -> Radiance:
+        """(rows, 3) what traced lights bring by bouncing, whose direct irradiance / π is ``direct``; kept.
+
+        ``caustics`` finds what glass and mirrors send of them, (rows, 3) like ``direct``; by their cells, if it gives
+        None.
+        """
         if self._strong is None or self._strong[0] is not lights:
-            self._strong = lights, self._bounced(lights, direct)
+            self._strong = lights, self._bounced(lights, direct, caustics)
         return self._strong[1]
 
-    def _bounced(self, lights: StrongLights, direct: Float64[np.ndarray, "rows 3"]) -> Radiance:
-        """Some bounces by their operator, where it is kept, and by the modes what follows; all by the modes, if not."""
-        part = self.part
-        if part.sources is None:
-            light = np.zeros((len(self._nodes), 3))
-            np.add.at(light, self._cells_of(lights), lights.energy)
-            return self._of_modes(self._of_cells(light))
-        if part.first is None:
-            return self._of_modes(self._projected(direct))
-        total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
-        for _ in range(_BY_ITSELF if part.most is None else part.most):
-            light = part.first.bounce(light)
-            total += light
-            if float(light.sum(dtype=np.float64)) <= (_LITTLE if part.most is None else _NOTHING) * fallen:
-                break
-        return total if part.most is not None else total + self._of_modes(self._projected(light))
-
-    def _of_modes(self, coefficients: Coefficients) -> Radiance:
+    def _bounced(
+        self, lights: StrongLights, direct: np.ndarray, caustics: Callable[[StrongLights], Radiance | None]
+    ) -> Radiance:
+        """From direct light where what light at a vertex brings is kept; from the cells of the lights if not."""
+        light = np.zeros((len(self._nodes), 3))
+        np.add.at(light, self._cells_of(lights), lights.energy)
+        found: Radiance | None = None
+        if self.part.caustics is not None:
+            found = caustics(lights) if self._direct is not None else None
+            found = self.part.caustics.of(light) if found is None else found
+        if self._direct is not None:
+            return self._direct.bounced(direct) if found is None else found + self._direct.bounced(direct + found)
         sums = np.empty_like(self._sums)
-        self._multiply(coefficients, sums)
-        return self._in_rows(sums)
+        self._multiply(self._of_cells(light), sums)
+        rows = in_rows(sums, self._layer.order, rows=self._layer.rows)
+        return rows if found is None else rows + found
 
     def _of_cells(self, light: Light) -> Coefficients:
         weights = self.part.weights
@@ -98,23 +107,15 @@ class BouncedLight:
         light = light.astype(np.float32)  # not by a library that would wait for threads
         return np.stack([np.einsum("kj,j->k", wide[c], light[:, c]) for c in range(3)], axis=1)
 
-    def _projected(self, direct: np.ndarray) -> Coefficients:
-        sources, scales = self.part.sources, self.part.source_scales
-        assert sources is not None
-        found = np.empty((blocks_of(len(direct)), 3, sources.shape[2]), np.float32)
-        project(sources, np.ascontiguousarray(direct, np.float32), found)
-        return (found.sum(axis=0, dtype=np.float64) * scales).T
+    def _add_stored(self, rows: Radiance) -> None:
+        """Add what rows have to their places in the sums."""
+        order = self._layer.order.reshape(-1, GROUP)
+        values = np.where(order[..., None] >= 0, rows[order], 0)
+        self._sums += values.transpose(0, 2, 1).reshape(len(self._sums), 3 * GROUP)
 
     def _multiply(self, coefficients: Coefficients, out: np.ndarray) -> None:
         weights = (coefficients * self.part.scales[:, None]).astype(np.float32)
         self._pace(self.part.modes.nbytes, self.part.modes, self._every, np.ascontiguousarray(weights), out)
-
-    def _in_rows(self, sums: np.ndarray) -> Radiance:
-        order = self._layer.order
-        stored = sums.reshape(-1, 3, GROUP).transpose(0, 2, 1).reshape(-1, 3)
-        rows = np.empty((self._layer.rows, 3), np.float32)
-        rows[order[order >= 0]] = stored[order >= 0]
-        return rows
 
     def _cells_of(self, lights: StrongLights) -> Int32[np.ndarray, "lights"]:
         """The cell of each light's middle."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..arrays import Float32, Int32
 from ..errors import DamagedBakeError
 from ..storage.bake import Bake
+from .caustics import Caustics, read_caustics
 from .first_bounce import FirstBounce, read_first_bounce
 from .layer import EnvironmentLayer, first_broken_tree
 
@@ -27,11 +28,13 @@ class BouncedLayer:
     source_scales: Float32[np.ndarray, "colours modes"] | None
     first: FirstBounce | None = None
     most: int | None = None  # bounces; all, if not said
+    caustics: Caustics | None = None
 
     @property
     def bytes(self) -> int:
         """Of what a relight reads."""
-        return self.modes.nbytes + self.weights.nbytes
+        caustics = 0 if self.caustics is None else self.caustics.bytes
+        return self.modes.nbytes + self.weights.nbytes + caustics
 
 
 def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
@@ -64,4 +67,5 @@ def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
         source_scales=array("source_scales") if has_sources else None,
         first=read_first_bounce(bake, f"{at}/first"),
         most=most if type(most) is int else None,
+        caustics=read_caustics(bake, f"{at}/caustics", cells=len(cells)),
     )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Int64
-from ..encoding.row_wavelet_kernels import first_wrong_row, multiply_rows
-from ..encoding.vertex_tree import halves
+from ..arrays import Float32, Int32, Int64
+from ..encoding.row_wavelet_kernels import colour_halves, first_wrong_row, multiply_rows
 from ..errors import DamagedBakeError
 from ..storage.bake import Bake
 from ..storage.environment_layer import tree_size
+from .pace import Pace
 
 _MOST_SUM = 1 + 1e-3  # of a row: no place receives more than is sent
 _MOST_COLOUR = 3 + 1e-3  # of a mean of three that is at most 1
@@ -29,12 +29,23 @@ class FirstBounce:
     starts: Int64[np.ndarray, "vertices_and_one"]
     steps: np.ndarray  # (entries,) uint16
     codes: np.ndarray  # (entries,) int8
+    _pace: Pace = field(default_factory=lambda: Pace(multiply_rows), compare=False)
 
-    def bounce(self, direct: Float64[np.ndarray, "vertices 3"]) -> Float32[np.ndarray, "vertices 3"]:
-        """Irradiance / π by one bounce of direct irradiance / π."""
-        light = halves(direct * self.colours, self.order, self.left)
-        out = np.empty((len(direct), 3), np.float32)
-        multiply_rows((self.starts, self.steps, self.codes, self.sums, self.scales), light, out)
+    @property
+    def bytes(self) -> int:
+        """Of what a bounce reads."""
+        return self.steps.nbytes + self.codes.nbytes
+
+    def bounce(self, direct: np.ndarray) -> Float32[np.ndarray, "vertices 3"]:
+        """Irradiance / π by one bounce of direct irradiance / π, (vertices, 3) both."""
+        light, out = np.ascontiguousarray(direct, np.float32), np.empty((len(direct), 3), np.float32)
+        nodes, means = (
+            np.empty((len(self.left), 4), np.float32),
+            np.empty((2 * len(self.left), 4), np.float32),
+        )
+        colour_halves(light, self.colours, self.order, self.left, means, nodes)
+        rows = self.starts, self.steps, self.codes, self.sums, self.scales
+        self._pace(self.bytes, rows, nodes, out)
         return out
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
-from ..arrays import Radiance
+from ..arrays import Directions, Radiance, Triangles
 from ..camera import Camera
 from ..drawing.picture import Picture
 from ..drawing.pixels import pixel_picture
@@ -23,6 +24,7 @@ from ..lighting.spot import Spot
 from ..storage.bake import Bake
 from .live_environment import LiveEnvironment
 from .live_layer import LiveLayer
+from .pixel_light import PointLit, lit_at_pixels
 from .steerable_bake import SteerableBake
 from .stored_steerable import steerable_names
 
@@ -30,7 +32,9 @@ SKIES = (
     "portals",
     "environment",
     "transfer",
+    "cloud",
 )  # which kind of layer takes the environment, first come first served
+LAMPS = ("transfer", "cloud")  # which takes lamps, spots and panels with a place of their own
 _PICTURE = (1280, 720)
 
 
@@ -44,6 +48,8 @@ class LitBake:
     ----------
     trace_strong
         As of ``Relighter``.
+    without
+        Layers that are not opened, by name: somebody else lights them.
 
     Raises
     ------
@@ -53,16 +59,21 @@ class LitBake:
         It cannot be read, or is not what was written.
     """
 
-    def __init__(self, bake: Bake | str | Path, *, trace_strong: bool = True) -> None:
+    def __init__(
+        self, bake: Bake | str | Path, *, trace_strong: bool = True, without: Collection[str] = ()
+    ) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self.layers: list[LiveLayer] = []
         self._sky: str | None = None
-        self.steered = SteerableBake(self.bake) if steerable_names(self.bake) else None
+        self._lamps: str | None = None
+        steered = [name for name in steerable_names(self.bake) if name not in without]
+        self.steered = SteerableBake(self.bake) if steered else None
         for kind in SKIES:
             for name, record in self.bake.layers.items():
-                if record.kind == kind:
+                if record.kind == kind and name not in without:
                     self.layers.append(_opened(self.bake, name, kind, trace_strong=trace_strong))
-                    self._sky = self._sky or name
+                    self._sky = self._sky or (None if kind == "cloud" else name)
+                    self._lamps = self._lamps or (name if kind in LAMPS else None)
         if not self.layers and self.steered is None:
             raise InputError(self.bake.path, "has no layer that this version can light; bake one")
         self._rig = Rig(Environment.dark())
@@ -78,6 +89,7 @@ class LitBake:
             self.steered.light(_steered(rig))
         for layer in self.layers:
             own = rig if layer.name == self._sky else replace(rig, environment=_DARK)
+            own = own if layer.name == self._lamps else replace(own, lamps=())
             layer.light(own)
         self._rig = rig
 
@@ -92,13 +104,18 @@ class LitBake:
     def glossy(self, eye: Triple) -> Radiance | None:
         """(V, 3) what glossy surfaces add toward a point; None where no layer has such."""
         parts = [part for layer in self.layers if (part := layer.glossy(eye)) is not None]
-        return None if not parts else np.sum(parts, axis=0, dtype=np.float32)
+        return None if not parts else np.asarray(sum(parts[1:], start=parts[0]), np.float32)
 
     def radiance(self, eye: Triple | None = None) -> Radiance:
         """(V, 3) linear radiance of the vertices, toward ``eye`` where there are glossy ones; a copy."""
         diffuse = self.bake.receivers.albedo * self.irradiance
         shine = None if eye is None else self.glossy(eye)
         return diffuse if shine is None else diffuse + shine
+
+    @property
+    def notes(self) -> list[str]:
+        """What somebody who lights with this rig should know, of layers that have something to say."""
+        return [note for layer in self.layers for note in getattr(layer, "notes", ())]
 
     @property
     def milliseconds(self) -> float:
@@ -136,8 +153,12 @@ class LitBake:
         width: int | None = None,
         height: int | None = None,
         background: str | Triple | None = "environment",
+        fine: bool = False,
     ) -> Picture:
         """The scene as a camera sees it, anti-aliased; of the pixels' size where a layer has pixels, else 1280×720.
+
+        ``fine``: direct light of lamps with a place is found for each pixel, so that shadows are finer than the mesh;
+        a second or so for each.
 
         Raises InputError as ``camera``, for another size than the pixels', and for an unknown background.
         """
@@ -149,20 +170,28 @@ class LitBake:
             raise InputError(
                 "size", f"{chosen[0]}×{chosen[1]}, but the lamps' pixels are {size[0]}×{size[1]}"
             )
-        behind = self._rig.environment.radiance_along if background == "environment" else background
-        view = View(
-            self.bake.receivers.positions, self.bake.triangles, camera=eye, width=chosen[0], height=chosen[1],
-            surface=self._surface,
-        )  # fmt: skip
+        behind = self._behind(eye.eye) if background == "environment" else background
+        panes = next((p for layer in self.layers if (p := getattr(layer, "panes", None)) is not None), None)
+        left = slice(None) if panes is None else np.flatnonzero(panes.are_left(self.bake.triangles))
+        triangles = self.bake.triangles[left]
+        view = self._view(triangles, eye, chosen, surface=self._surface(left))
         irradiance = self.irradiance
+        by_pixel = [layer for layer in self.layers if fine and hasattr(layer, "lamp_light_at")]
+        for layer in by_pixel:
+            irradiance -= layer.lamp_light  # ty: ignore[missing-attribute]
         diffuse = self.bake.receivers.albedo * irradiance
-        picture = view.draw(diffuse, irradiance=irradiance if self._surface else None, background=behind)
+        picture = view.draw(diffuse, irradiance=irradiance if self._textured else None, background=behind)
+        for layer in by_pixel:
+            own = cast(PointLit, layer)
+            picture = lit_at_pixels(view, picture, own, self.bake.receivers, triangles)
         shine = self.glossy(eye.eye)
+        whole = None if shine is None and panes is None else self._view(self.bake.triangles, eye, chosen)
+        if panes is not None and whole is not None:
+            picture = panes.before(picture, whole, len(self.bake.receivers))
+            shine = None if shine is None else panes.without_clear(shine)
         linear = picture.linear
-        if shine is not None:
-            linear = linear + View(
-                self.bake.receivers.positions, self.bake.triangles, camera=eye, width=chosen[0], height=chosen[1]
-            ).draw(shine).linear  # fmt: skip
+        if shine is not None and whole is not None:
+            linear = linear + whole.draw(shine).linear
         if self.steered is not None:
             pixels = pixel_picture(
                 np.maximum(self.steered.radiance, 0), np.ones((size[1], size[0]), np.float32)
@@ -170,12 +199,30 @@ class LitBake:
             linear = linear + pixels.linear
         return replace(picture, linear=linear)
 
-    @cached_property
-    def _surface(self) -> Surface | None:
+    def _view(
+        self, triangles: Triangles, eye: Camera, size: tuple[int, int], *, surface: Surface | None = None
+    ) -> View:
+        positions = self.bake.receivers.positions
+        return View(positions, triangles, camera=eye, width=size[0], height=size[1], surface=surface)
+
+    @property
+    def _textured(self) -> bool:
+        return self.bake.uv is not None and bool(self.bake.textures)
+
+    def _surface(self, left: slice | np.ndarray) -> Surface | None:
+        """Textures of some triangles."""
         bake = self.bake
         if bake.uv is None or not bake.textures:
             return None
-        return Surface(bake.material_of, bake.materials, uv=bake.uv, tint=bake.tint, textures=bake.textures)
+        of = bake.material_of[left]
+        return Surface(of, bake.materials, uv=bake.uv, tint=bake.tint, textures=bake.textures)
+
+    def _behind(self, eye: Triple) -> Callable[[Directions], Radiance]:
+        """What is seen behind the scene: by the layer that knows a world outside, else the environment."""
+        for layer in self.layers:
+            if layer.name == self._sky and (seen := getattr(layer, "behind", None)) is not None:
+                return seen(eye)
+        return self._rig.environment.radiance_along
 
     def _refuse_homeless(self, rig: Rig) -> None:
         """Raises InputError for lights of kinds that no layer takes."""
@@ -183,6 +230,12 @@ class LitBake:
         lacking = []
         if self._sky is None and max(rig.environment.total) > 0:
             lacking.append("[environment], [[disc]] or [[paint]] (bake environment)")
+        if self._lamps is None and rig.lamps:
+            lacking.append("[[lamp]], or [[spot]] or [[panel]] with a place (bake transfer or cloud)")
+        if rig.portals and "portals" not in kinds:
+            lacking.append("[[portal]] (bake portals)")
+        if rig.outside is not None and "portals" not in kinds:
+            lacking.append("[outside] (bake portals)")
         if self.steered is None and _steered(rig):
             lacking.append("[[spot]] or [[panel]] with a layer (bake steerable)")
         if lacking:
@@ -201,4 +254,16 @@ def _steered(rig: Rig) -> list[Spot | Panel]:
 def _opened(bake: Bake, name: str, kind: str, *, trace_strong: bool) -> LiveLayer:
     if kind == "environment":
         return LiveEnvironment(bake, name, trace_strong=trace_strong)
+    if kind == "transfer":
+        from .transfer import TransferRelighter
+
+        return TransferRelighter(bake, name)
+    if kind == "cloud":
+        from .cloud import CloudRelighter
+
+        return CloudRelighter(bake, name)
+    if kind == "portals":
+        from .portals import PortalsRelighter
+
+        return PortalsRelighter(bake, name)
     raise InputError(bake.path, f"layer {name!r} is of kind {kind!r}, which does not add to others yet")

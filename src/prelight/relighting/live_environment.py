@@ -46,5 +46,4 @@ class LiveEnvironment:
         return np.ascontiguousarray(self._lit.irradiance)
 
     def glossy(self, eye: Triple) -> Radiance | None:
-        del eye
-        return None
+        return self._lit.glossy(eye, self._irradiance)

@@ -14,7 +14,11 @@ class LiveLayer(Protocol):
     """One layer under the light that falls on it now. What follows depends on the rig alone."""
 
     name: str
-    last: Update
+
+    @property
+    def last(self) -> Update:
+        """How the last change was made, and what it took."""
+        ...
 
     def light(self, rig: Rig) -> bool:
         """Take what of ``rig`` is this layer's; True if its light changed.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +20,13 @@ from ..drawing.view import View
 from ..errors import InputError
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
+from ..lighting.quantities import Triple
 from ..storage.bake import Bake
 from .bounced_layer import read_bounced
 from .environment import MOST_DISCS, EnvironmentRelighter, Update
+from .exitant import read_exitant
 from .layer import EnvironmentLayer
+from .live_gloss import LiveGloss
 from .strong_lights import NO_LIGHTS, StrongLights, together
 from .traced import Strong, TracedLights
 
@@ -69,6 +73,9 @@ class Relighter:
         self._live = EnvironmentRelighter(self._layer, albedo, part)
         self._environment = Environment.constant((0.0, 0.0, 0.0))
         self._strong = Strong(TracedLights(self.bake, self._layer), wanted=trace_strong)
+        self._behind: Sequence[Disc] = ()  # discs that are not traced
+        gloss = read_exitant(self.bake, f"layers/{self._layer.name}/glossy")
+        self._gloss = None if gloss is None else LiveGloss(gloss, self._strong.tracer)
         self._view = lru_cache(maxsize=4)(self._new_view)
 
     @property
@@ -99,7 +106,8 @@ class Relighter:
             live.set_discs(behind)
         live.settle()
         strong.lights = together([strong.of_map, traced])
-        self._environment = environment
+        self._environment, self._behind = environment, behind
+        self._dull()
 
     @property
     def trace_strong(self) -> bool:
@@ -171,11 +179,18 @@ class Relighter:
             more = self._strong.tracer.radiance(lights)
             lambertian = self._strong.tracer.lambertian
             if self._live.bounced is not None:
-                more += self._live.bounced.of_strong(lights, more)
+                more += self._live.bounced.of_strong(lights, more, self._caustics)
             if not irradiance and len(lambertian):
                 more[lambertian] *= self.bake.receivers.albedo[lambertian]
             radiance += more.astype(np.float32)
         return radiance
+
+    @cached_property
+    def _caustics(self) -> Callable[[StrongLights], Radiance | None]:
+        """What glass and mirrors send of traced lights, by photons."""
+        from .caustic_rays import TracedCaustics
+
+        return TracedCaustics(self.bake, self.resolution)
 
     @property
     def last(self) -> Update:
@@ -191,6 +206,7 @@ class Relighter:
             self._live.edit(*rectangle, texels)
         self._live.edit(face, rows, columns, radiance)
         self._live.settle()
+        self._dull()
         return self.last
 
     def light_texel(self, face: int, row: int, column: int, radiance: float) -> None:
@@ -199,11 +215,47 @@ class Relighter:
         self._live.edit(
             face, slice(row, row + 1), slice(column, column + 1), np.full(3, radiance, np.float32)
         )
+        self._dull()
 
     @property
     def has_bounces(self) -> bool:
         """Whether light that has bounced is part of the radiance."""
         return self._live.bounced is not None
+
+    @property
+    def has_gloss(self) -> bool:
+        """Whether glossy vertices are baked for any eye: then ``glossy`` adds to ``radiance``, their diffuse part."""
+        return self._gloss is not None
+
+    @property
+    def glossy_milliseconds(self) -> float:
+        """What the gloss of the last change of light took, once it was looked at; 0 where there is none."""
+        return 0.0 if self._gloss is None else self._gloss.milliseconds
+
+    def glossy(self, eye: Triple, irradiance: Radiance | None = None) -> Radiance | None:
+        """(rows, 3) radiance toward a point that glossy vertices add to ``radiance``; None where the layer has none.
+
+        ``irradiance`` (rows, 3), if more light falls than this layer's: what is seen mirrored.
+        """
+        if self._gloss is None:
+            return None
+        return self._gloss.toward(eye, **self._falling(irradiance))
+
+    def _falling(self, irradiance: Radiance | None = None) -> dict[str, Any]:
+        """The light that gloss mirrors."""
+        discs = (
+            [Environment.dark().with_discs(tuple(self._behind)).cube(self.resolution)] if self._behind else []
+        )
+        return {
+            "cubes": [self._live.cube, *discs],
+            "strong": self._strong.lights,
+            "irradiance": self.irradiance if irradiance is None else irradiance,
+        }
+
+    def _dull(self) -> None:
+        """The light has changed, and with it the gloss."""
+        if self._gloss is not None:
+            self._gloss.forget()
 
     @property
     def layer_name(self) -> str:
@@ -268,7 +320,12 @@ class Relighter:
             irradiance = self.irradiance
         eye, size = self.camera(camera), self.picture_size or _PICTURE
         width, height = width or size[0], height or size[1]
-        return self._drawn(self.radiance, irradiance, eye, width=width, height=height, behind=behind)
+        picture = self._drawn(self.radiance, irradiance, eye, width=width, height=height, behind=behind)
+        if self._gloss is None:
+            return picture
+        view = self.view(eye, width=width, height=height, textured=irradiance is not None)
+        shine = self._gloss.drawn(view, self.bake.triangles, eye=eye.eye, **self._falling())
+        return replace(picture, linear=np.maximum(picture.linear + shine, 0))
 
     def picture_of(self, radiance: Radiance, camera: Camera, *, width: int, height: int) -> Picture:
         """Any radiance of the layer's rows (rows, 3) as a picture before black; textures as at the vertices."""

@@ -20,6 +20,7 @@ from ..lighting.spot import Spot
 from .plane_kernels import add_planes
 from .steerable_layer import SteerableLayer
 
+_LARGEST_COPY = 256_000_000  # bytes
 NEGLIGIBLE = 1e-4  # of the picture: planes that together bring less are skipped
 
 
@@ -88,6 +89,8 @@ class SteerableRelighter:
             name: np.zeros((3, layer.components), np.float32) for name, layer in self.layers.items()
         }
         self._radiance = np.zeros((layers[0].planes.pixels, 3), np.float32)
+        self._together = _Together.of(layers) if len(layers) > 1 else None
+        self._known: dict[tuple[str, Spot | Panel], np.ndarray] = {}
         self.last = SteerableUpdate(0, self._whole, 0.0, 0.0, 0)
 
     @property
@@ -166,9 +169,15 @@ class SteerableRelighter:
 
     def _set(self, lights: Sequence[Spot | Panel]) -> None:
         sums = {name: np.zeros((layer.basis.functions, 3)) for name, layer in self.layers.items()}
+        known: dict[tuple[str, Spot | Panel], np.ndarray] = {}
         for light in lights:
             layer = self.layer_of(light)
-            sums[layer.name] += light.coefficients(layer.basis, layer.place)
+            own = (layer.name, light)
+            if (coefficients := self._known.get(own)) is None:  # as most lights are while one is dragged
+                coefficients = light.coefficients(layer.basis, layer.place)
+            known[own] = coefficients
+            sums[layer.name] += coefficients
+        self._known = known
         for name, layer in self.layers.items():
             self._weights[name] = layer.weights(sums[name])
 
@@ -201,6 +210,8 @@ class SteerableRelighter:
     def _add(self, queue: _Queue, part: slice, picture: Float32[np.ndarray, "pixels 3"]) -> int:
         """Add planes of the queue to a picture; the bytes that were read."""
         read = 0
+        if self._together is not None:
+            return self._together.add(queue, part, self._weights, picture, self._shares)
         for n, (name, layer) in enumerate(self.layers.items()):
             index = np.sort(queue.plane[part][queue.layer[part] == n])
             if len(index):
@@ -209,3 +220,43 @@ class SteerableRelighter:
                 add_planes(planes.bytes, planes.scales, index, weights, picture, self._shares)
                 read += len(index) * len(planes.bytes) * 3 * (BLOCK + 4)
         return read
+
+
+@dataclass(frozen=True, eq=False)
+class _Together:
+    """Planes of several layers side by side, so that many lamps are one sum: each alone would wait for all threads."""
+
+    bytes: np.ndarray
+    scales: np.ndarray
+    image_of: np.ndarray  # (planes,) among the components of all layers
+    firsts: np.ndarray  # (layers,) plane at which each begins
+
+    @classmethod
+    def of(cls, layers: Sequence[SteerableLayer]) -> _Together | None:
+        """A copy of all; None where it were large."""
+        if sum(layer.planes.bytes.nbytes for layer in layers) > _LARGEST_COPY:
+            return None
+        begins = np.cumsum([0, *(layer.components for layer in layers)])
+        return cls(
+            np.concatenate([layer.planes.bytes for layer in layers], axis=2),
+            np.concatenate([layer.planes.scales for layer in layers], axis=2),
+            np.concatenate([layer.planes.image_of + b for layer, b in zip(layers, begins, strict=False)]),
+            np.cumsum([0, *(layer.planes.planes for layer in layers)])[:-1],
+        )
+
+    def add(
+        self,
+        queue: _Queue,
+        part: slice,
+        weights: dict[str, np.ndarray],
+        picture: np.ndarray,
+        shares: np.ndarray,
+    ) -> int:
+        """As ``SteerableRelighter._add``."""
+        index = np.sort(self.firsts[queue.layer[part]] + queue.plane[part]).astype(np.int32)
+        if not len(index):
+            return 0
+        every = np.concatenate(list(weights.values()), axis=1)
+        chosen = np.ascontiguousarray(every[:, self.image_of[index]])
+        add_planes(self.bytes, self.scales, index, chosen, picture, shares)
+        return len(index) * len(self.bytes) * 3 * (BLOCK + 4)

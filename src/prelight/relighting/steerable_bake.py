@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..lighting.panel import Panel
 from ..lighting.spot import Spot
 from ..storage.bake import Bake
-from .deep_buffer import first_bounces
+from .deep_buffer import DeepBuffer, NarrowParts, first_bounces
 from .steerable import SteerableRelighter, SteerableUpdate
 from .stored_steerable import open_deep, open_steerable, steerable_camera, steerable_names
 
@@ -27,6 +27,9 @@ class SteerableBake:
     ----------
     bake
         The bake, or where it is.
+    narrow
+        First bounces of layers that hold all light (``viewed.narrow_parts``): then of every light what its layer cannot
+        hold, because it is too narrow, is added with its first bounce. None leaves it out, and ``notes`` tell.
 
     Attributes
     ----------
@@ -43,7 +46,7 @@ class SteerableBake:
         It cannot be read, or is not what was written.
     """
 
-    def __init__(self, bake: Bake | str | Path) -> None:
+    def __init__(self, bake: Bake | str | Path, *, narrow: Mapping[str, DeepBuffer] | None = None) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         if not steerable_names(self.bake):
             kinds = ", ".join(sorted({layer.kind for layer in self.bake.layers.values()})) or "no"
@@ -52,6 +55,7 @@ class SteerableBake:
         self.camera = steerable_camera(self.bake)[1]
         self.live = SteerableRelighter(open_steerable(self.bake))
         self._deep = open_deep(self.bake)
+        self._narrow = NarrowParts(self.live, narrow) if narrow else None
         self._first = np.zeros((self.size[0] * self.size[1], 3), np.float32)
         self.first_bounce_milliseconds = 0.0
 
@@ -72,19 +76,22 @@ class SteerableBake:
         """
         update = self.live.light(lights)
         self.first_bounce_milliseconds = 0.0
-        if self._deep:
+        if self._deep or self._narrow:
             began = time.perf_counter()
-            self._first = first_bounces(self.live, self._deep, lights)
+            if self._narrow:
+                self._first = self._narrow.radiance(lights)
+            else:
+                self._first = first_bounces(self.live, self._deep, lights)
             self.first_bounce_milliseconds = 1e3 * (time.perf_counter() - began)
         return update
 
     def notes(self, lights: Sequence[Spot | Panel]) -> list[str]:
-        """Where what is asked for is only approximated, one line each; none where first bounces are kept apart.
+        """Where what is asked for is only approximated, one line each; none where first bounces are exact.
 
         For then what shows of a shape is exact, and the bounces after it are smooth.
         """
         notes = self.live.notes(lights)  # raises for lights that do not fit
-        return [] if self._deep else notes
+        return [] if self._deep or self._narrow else notes
 
     def picture(self) -> Picture:
         """Under the lights as they are."""

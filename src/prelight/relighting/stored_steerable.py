@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
 
+from ..bases.exponentials import ExponentialAxis, ExponentialBasis
 from ..bases.panels import PanelBasis
 from ..bases.products import ProductBasis
 from ..bases.steering import SpotBasis
@@ -60,11 +62,13 @@ def open_deep(bake: Bake) -> dict[str, DeepBuffer]:
         starts, colours, directions = (
             bake.array(f"{at}_{part}") for part in ("starts", "colours", "directions")
         )
+        places = bake.array(f"{at}_places") if f"{at}_places" in bake.manifest.arrays else None
         if not np.isfinite(colours).all():
             raise DamagedBakeError(bake.path, f"{at}_colours has values that are not finite")
         try:
-            degree = int(json.loads(str(bake.layers[name].parameters["basis"]))["degree"])
-            found[name] = DeepBuffer(starts, colours, directions, degree)
+            degree = degree_of(basis_of(str(bake.layers[name].parameters["basis"])))
+            parts = math.isqrt(int(bake.layers[name].parameters["deep"]))  # ty: ignore
+            found[name] = DeepBuffer(starts, colours, directions, degree, places, parts=parts)
         except (InputError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise DamagedBakeError(
                 bake.path, f"the first bounce of layer {name!r} is wrong: {error}"
@@ -99,13 +103,24 @@ def basis_of(text: str) -> Basis:
     """The basis that a bake describes. Raises ValueError, KeyError or TypeError for any other text."""
     said: dict[str, Any] = json.loads(text)
     kind = said["kind"]
-    if kind not in ("spot", "panel", "product"):
-        raise InputError("basis", f"of kind {kind!r}, expected spot, panel or product")
-    spot = None if kind == "panel" else SpotBasis(said["degree"], parity=said["parity"])
+    if kind not in ("spot", "panel", "exponential", "product"):
+        raise InputError("basis", f"of kind {kind!r}, expected spot, panel, exponential or product")
+    turns = kind in ("spot", "product")
+    spot = SpotBasis(said["degree"], parity=said["parity"]) if turns else None
     if kind == "spot" and spot is not None:
         return spot
-    panel = PanelBasis(tuple(said["harmonics"]))
+    if "terms" in said:
+        terms = tuple((complex(real, imaginary), power) for real, imaginary, power in said["terms"])
+        panel = ExponentialBasis((ExponentialAxis(terms),) * 2, orthonormal=True)
+    else:
+        panel = PanelBasis(tuple(said["harmonics"]))
     return panel if spot is None else ProductBasis(panel, spot)
+
+
+def degree_of(basis: Basis) -> int | None:
+    """Of the directions of a basis; None where light leaves alike in all."""
+    spot = basis.spot if isinstance(basis, ProductBasis) else basis
+    return spot.degree if isinstance(spot, SpotBasis) else None
 
 
 def _place(text: str) -> Place:

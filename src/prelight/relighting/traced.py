@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import CubeMap, Directions, Float32, Float64
+from ..arrays import CubeMap, Directions, Float32, Float64, Int32
 from ..errors import MissingExtraError
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
@@ -69,6 +69,13 @@ class TracedLights:
         while len(self._known) > max(len(lights), _KEPT_BYTES // self._bytes_of_one):
             self._known.popitem(last=False)
         return total
+
+    def visible(self, lights: StrongLights, rows: Int32[np.ndarray, "some"]) -> np.ndarray:
+        """(lights, some) bool: which Lambertian rows each light reaches, above their horizons."""
+        self._trace(lights.directions)
+        places = np.searchsorted(self._plain, rows)
+        bits = np.stack([self._known[d.tobytes()][0] for d in lights.directions])
+        return np.unpackbits(bits, axis=1, count=len(self._plain), bitorder="little")[:, places].astype(bool)
 
     @property
     def _bytes_of_one(self) -> int:

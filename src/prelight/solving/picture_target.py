@@ -9,15 +9,47 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from ..arrays import Float64
 from ..encoding.byte_planes import BLOCK
 from ..errors import InputError
-from ..relighting.steerable_layer import SteerableLayer
+from ..lighting.places import Place
+from ..relighting.steerable_layer import Basis
 
 _STRIP = 8_000_000  # numbers of a strip
+
+
+class Planes(Protocol):
+    """Images whose sums are pictures."""
+
+    @property
+    def pixels(self) -> int: ...
+
+    def decoded(self, images: int, part: slice = ...) -> np.ndarray:
+        """Those (images, pixels, 3), of a part of the pixels that begins with a block."""
+        ...
+
+
+class Layer(Protocol):
+    """What is asked of a layer when lights are looked for in it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def basis(self) -> Basis: ...
+    @property
+    def place(self) -> Place: ...
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def planes(self) -> Planes: ...
+    @property
+    def mixing(self) -> np.ndarray: ...
+    @property
+    def components(self) -> int: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +59,14 @@ class Target:
     ``begins`` says at which of them each layer's begin. ``layers`` by name, in that order.
     """
 
-    layers: dict[str, SteerableLayer]
+    layers: dict[str, Layer]
     begins: dict[str, int]
     gram: Float64[np.ndarray, "3 components components"]
     toward: Float64[np.ndarray, "3 components"]
     square: Float64[np.ndarray, "3"]
 
     @classmethod
-    def of(
-        cls, layers: Sequence[SteerableLayer], picture: np.ndarray, *, mask: np.ndarray | None = None
-    ) -> Target:
+    def of(cls, layers: Sequence[Layer], picture: np.ndarray, *, mask: np.ndarray | None = None) -> Target:
         """From a picture (pixels, 3), linear, and a mask (pixels,), 0 where anything will do and 1 where it counts.
 
         Raises InputError for shapes that do not fit the layers, values not finite, a mask that is all 0.

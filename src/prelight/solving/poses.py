@@ -18,10 +18,11 @@ from ..bases.well_spread import spiral
 from ..lighting.distributions import Power
 from ..lighting.panel import Panel, Shape, axis_fit
 from ..lighting.spot import Spot
-from ..relighting.steerable_layer import SteerableLayer
+from .picture_target import Layer
 
 Light = Spot | Panel
 _WHITE = (1.0, 1.0, 1.0)
+_MOST_AIMS = 192  # 15° apart
 _HELD = 0.05  # the largest error of a shape that is tried
 
 
@@ -79,7 +80,7 @@ class Knobs:
     position on each axis and the logarithm of each width. Bounds keep it where the basis holds it.
     """
 
-    def __init__(self, light: Light, layer: SteerableLayer, freedom: Freedom) -> None:
+    def __init__(self, light: Light, layer: Layer, freedom: Freedom) -> None:
         self.light, self.layer = light, layer
         self._aim_free, self._width_free = freedom.aim, freedom.width
         basis = layer.basis
@@ -153,7 +154,7 @@ class Knobs:
         return replace(light, position=position, width=width)
 
 
-def first_guesses(layer: SteerableLayer, light: Light | None, freedom: Freedom) -> list[Light]:
+def first_guesses(layer: Layer, light: Light | None, freedom: Freedom) -> list[Light]:
     """Lights spread over what a layer can do, to begin from; with a light given, it alone where its aim is kept."""
     name = layer.name
     if light is not None and not freedom.aim:
@@ -165,7 +166,7 @@ def first_guesses(layer: SteerableLayer, light: Light | None, freedom: Freedom) 
             narrow = narrowest_power(layer.basis.degree)
             powers = [Power(narrow * share) for share in (0.15, 0.4, 0.8)]
             shapes = powers if layer.basis.parity == "all" else [None]
-        aims = spiral(max(3 * layer.basis.lights, 48)).tolist()
+        aims = spiral(min(max(3 * layer.basis.lights, 48), _MOST_AIMS)).tolist()
         roll = light.roll_deg if isinstance(light, Spot) else 0.0
         return [
             Spot(_WHITE, direction=(a[0], a[1], a[2]), distribution=shape, roll_deg=roll, layer=name)

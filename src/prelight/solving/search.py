@@ -15,9 +15,8 @@ import numpy as np
 from ..arrays import Float64
 from ..errors import InputError
 from ..lighting.panel import Panel
-from ..relighting.steerable_layer import SteerableLayer
 from .nonnegative import nonnegative
-from .picture_target import Target
+from .picture_target import Layer, Target
 from .poses import Freedom, Knobs, Light, coloured, first_guesses, whitened
 
 _STEPS, _BEST_GUESSES = 60, 4
@@ -122,7 +121,7 @@ def _slopes(target: Target, lit: _Lit, counts: Sequence[int]) -> np.ndarray:
 
 
 def solve(
-    layers: Sequence[SteerableLayer],
+    layers: Sequence[Layer],
     picture: np.ndarray,
     *,
     mask: np.ndarray | None = None,
@@ -154,7 +153,7 @@ def solve(
     target = Target.of(layers, picture, mask=mask)
     if not target.square.sum() > 0.0:
         raise InputError("target", "is black within the mask; switch the lights off")
-    wanted: list[tuple[SteerableLayer, Light | None]] = []
+    wanted: list[tuple[Layer, Light | None]] = []
     for layer in layers if lights is None else ():
         wanted.append((layer, None))
     for light in lights or ():
@@ -183,7 +182,7 @@ def _ranked(target: Target, chosen: Sequence[Knobs], guesses: Sequence[Knobs]) -
     return [guesses[n] for n in np.argsort(distances, kind="stable")]
 
 
-def _layer_of(target: Target, light: Light) -> SteerableLayer:
+def _layer_of(target: Target, light: Light) -> Layer:
     if light.layer is None and len(target.layers) == 1:
         return next(iter(target.layers.values()))
     if light.layer not in target.layers:

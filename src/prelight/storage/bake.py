@@ -183,6 +183,7 @@ class Bake:
                 "camera": None if layer.camera is None else layer.camera.name,
                 "bytes": manifest.bytes_of(f"layers/{name}/"),
                 "bounced_bytes": manifest.bytes_of(f"layers/{name}/bounced/"),
+                "glossy_bytes": manifest.bytes_of(f"layers/{name}/glossy/"),
                 "seconds": self.seconds,
                 "rays": layer.rays,
                 "parameters": layer.parameters,

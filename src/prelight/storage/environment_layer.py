@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from .caustic_part import caustic_problem
 from .chunks import ArraySpec
+from .exitant_part import exitant_problem
 
 MOST_ZONES = 4096 + 16  # by place, and of each sort at least one
 MOST_PARCELS = 10_000
@@ -22,7 +24,7 @@ _FIRST = {
     "order": "int32", "left": "float32", "colours": "float32", "sums": "float32", "scales": "float32",
     "counts": "uint16", "steps": "uint16", "codes": "int8",
 }  # fmt: skip
-_FIRST_NUMBERS = ("bounced_first_entries", "bounced_first_threshold", "bounced_first_error")
+_FIRST_NUMBERS = ("first_entries", "first_threshold", "first_error")
 _MOST_ENTRIES = 65_535  # a row of the first bounce
 _LARGEST = 1 << 40
 
@@ -53,9 +55,11 @@ def environment_problem(
     if order.shape[0] % _GROUP:
         return f"array layers/{name}/order is not whole groups of {_GROUP}"
     problem = _parcel_problem(f"layers/{name}", arrays, coefficients=coefficients, has_eye=has_eye)
-    return problem or _bounced_problem(
+    problem = problem or _bounced_problem(
         f"layers/{name}/bounced", said, arrays, groups=order.shape[0] // _GROUP
     )
+    problem = problem or caustic_problem(f"layers/{name}/bounced/caustics", said, arrays, rows=rows)
+    return problem or exitant_problem(f"layers/{name}/glossy", said, arrays)
 
 
 def _bounced_problem(
@@ -82,7 +86,7 @@ def _bounced_problem(
         return f"array {at}/cells is not five int32 for each of at most {MOST_CELLS} cells"
     if weights[1:] != [count, cells[0]] or weights[0] not in (1, 3):
         return f"array {at}/weights does not fit its modes and cells"
-    if problem := _first_problem(f"{at}/first", said, arrays):
+    if problem := first_problem(f"{at}/first", said, arrays):
         return problem
     sources, of_source = (arrays.get(f"{at}/{part}") for part in ("sources", "source_scales"))
     if sources is None and of_source is None:
@@ -100,14 +104,16 @@ def _bounced_problem(
     return None
 
 
-def _first_problem(at: str, said: Mapping[str, Any], arrays: Mapping[str, ArraySpec]) -> str | None:
-    """Eight arrays of the first bounce that fit each other, or none of them."""
+def first_problem(
+    at: str, said: Mapping[str, Any], arrays: Mapping[str, ArraySpec], *, prefix: str = "bounced_"
+) -> str | None:
+    """Eight arrays of the first bounce that fit each other, or none of them; numbers of it are said with a prefix."""
     found = {name.removeprefix(f"{at}/"): spec for name, spec in arrays.items() if name.startswith(f"{at}/")}
     if not found:
         return None
     if {name: spec.dtype for name, spec in found.items()} != _FIRST:
         return f"arrays of {at} are not {', '.join(_FIRST)} of their types"
-    for number in _FIRST_NUMBERS:
+    for number in (prefix + name for name in _FIRST_NUMBERS):
         if not _is_number(said.get(number), _LARGEST):
             return f"{at}: the layer does not say its {number}"
     vertices = arrays["scene/positions"].shape[0]
@@ -119,7 +125,7 @@ def _first_problem(at: str, said: Mapping[str, Any], arrays: Mapping[str, ArrayS
     if found["colours"].shape != [vertices, 3]:
         return f"array {at}/colours is not three for each of {vertices} vertices"
     steps, codes = found["steps"].shape, found["codes"].shape
-    if steps != codes or len(steps) != 1 or steps[0] != max(1, said["bounced_first_entries"]):
+    if steps != codes or len(steps) != 1 or steps[0] != max(1, said[prefix + "first_entries"]):
         return f"arrays {at}/steps and codes are not one for each entry"
     if steps[0] > vertices * _MOST_ENTRIES:
         return f"array {at}/steps has more than {_MOST_ENTRIES:,} entries a row"

@@ -18,8 +18,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from ..errors import DamagedBakeError, InputError
 from ..files import read_regular
 from .chunks import DTYPES, ArraySpec, ChunkRecord, chunk_key
+from .cloud_layer import cloud_problem
 from .environment_layer import environment_problem
+from .portals_layer import portals_problem
 from .steerable_layer import steerable_problem
+from .transfer_layer import transfer_problem
 
 FORMAT = "prelight-bake"
 VERSION = 3
@@ -30,6 +33,13 @@ _LARGEST_PROSE = 1_000_000
 _LARGEST_ARRAY = 1 << 40
 _BYTES_PER_VALUE = 16  # of a manifest of ours there are 25 to each value: denser text only fills memory
 _SCENE = {"positions": "float32", "normals": "float32", "albedo": "float32", "triangles": "int32"}
+_CHECKS = {
+    "environment": environment_problem,
+    "steerable": steerable_problem,
+    "portals": portals_problem,
+    "transfer": transfer_problem,
+    "cloud": cloud_problem,
+}
 _ZARR_GROUP = b'{"attributes": {}, "node_type": "group", "zarr_format": 3}'
 
 
@@ -165,7 +175,7 @@ class Manifest(_Strict):
         for name, layer in self.layers.items():
             said = layer.parameters | layer.statistics
             has_eye = layer.camera is not None
-            check = {"environment": environment_problem, "steerable": steerable_problem}.get(layer.kind)
+            check = _CHECKS.get(layer.kind)
             if check is None:
                 continue  # of a later version, say; left alone
             problem = check(name, said, self.arrays, coefficients=layer.coefficients, has_eye=has_eye)

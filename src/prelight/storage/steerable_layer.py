@@ -83,12 +83,16 @@ def _bright_problem(
 def _deep_problem(at: str, arrays: Mapping[str, ArraySpec], *, pixels: int) -> str | None:
     """Of the first bounce that is kept apart; absent where none is, or where no light arrives."""
     found = [arrays.get(f"{at}/deep_{part}") for part in ("starts", "colours", "directions")]
-    specs = [spec for spec in found if spec is not None]
+    places = arrays.get(f"{at}/deep_places")
+    specs = [spec for spec in (*found, places) if spec is not None]
     if not specs:
         return None
-    if [spec.dtype for spec in specs] != ["int64", "float32", "uint16"]:
-        return f"arrays {at}/deep_starts, deep_colours and deep_directions are not of their types"
-    starts, colours, directions = (spec.shape for spec in specs)
-    if starts != [pixels + 1] or colours[1:] != [3] or directions != [colours[0], 2]:
-        return f"arrays {at}/deep_starts, deep_colours and deep_directions do not fit"
+    types = [spec.dtype for spec in specs]
+    if None in found or types != ["int64", "float32", "uint16", "uint16"][: len(specs)]:
+        return (
+            f"arrays {at}/deep_starts, deep_colours, deep_directions and deep_places are not of their types"
+        )
+    starts, colours, *pairs = (spec.shape for spec in specs)
+    if starts != [pixels + 1] or colours[1:] != [3] or any(pair != [colours[0], 2] for pair in pairs):
+        return f"arrays {at}/deep_starts, deep_colours, deep_directions and deep_places do not fit"
     return None

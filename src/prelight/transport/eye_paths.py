@@ -11,6 +11,7 @@ glass, seen in a mirror) neither direction finds well: from the eye, a lamp of s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,10 +20,11 @@ import numpy as np
 from ..arrays import Float32
 from ..camera import Camera
 from ..rays.surfaces import SurfaceScene
-from .steered_lamps import SteeredLamp, SteeredPanel
+from .steered_lamps import SteeredLamp, SteeredPanel, SteeredSky
 
 _ROULETTE_FROM = 5  # surfaces met
 _SURVIVAL = 0.95
+_GLOSSY = 4  # times as dense: then a lamp is better met than aimed at, of marked places
 
 
 @dataclass(frozen=True)
@@ -39,12 +41,15 @@ class PathRules:
         L S⁺ D … D E is left out here.
     by_chance
         L S⁺ D … S⁺ E is kept.
+    marks_aimed
+        Add 2 to the coordinate u of places that were aimed at, not met; and aim at all that is not in a narrow gloss.
     """
 
     depth: int = 12
     least_depth: int = 1
     traced_from_lamp: bool = False
     by_chance: bool = True
+    marks_aimed: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ class EyeRecords:
 
 
 class EyePaths:
-    """Paths of a camera's pixels in a scene with one lamp.
+    """Paths of a camera's pixels in a scene with one lamp; for a box of light, `box_paths.BoxPaths`.
 
     Parameters
     ----------
@@ -82,11 +87,13 @@ class EyePaths:
         import drjit as dr
 
         self.mi, self.lamp, self.rules = surfaces.mi, lamp, rules
-        self.scene = surfaces.lit_by(lamp.emitter(surfaces.mi))
+        shining = lamp.emitter(surfaces.mi)
+        self.scene = surfaces.lit_by() if shining is None else surfaces.lit_by(shining)
+        self._leaves = 1 if isinstance(lamp, SteeredSky) else -1  # a sky's directions are those toward it
         self._view = PinholeRays(self.mi, camera, width=width, height=height)
-        self._sampler = self.mi.load_dict({"type": "independent"})
+        self._sampler: Any = None
         self._slots = 2 * rules.depth
-        self._loop = dr.syntax(EyePaths._walk)
+        self._loop = dr.syntax(type(self)._walk)
 
     def trace(self, first_pixel: int, pixels: int, *, samples: int, seed: int) -> EyeRecords:
         """``samples`` paths through each of some pixels, those of a pixel side by side."""
@@ -94,6 +101,7 @@ class EyePaths:
 
         mi = self.mi
         lanes = pixels * samples
+        self._sampler = self._evenly(samples)
         self._sampler.seed(seed, lanes)
         lane = dr.arange(mi.UInt32, lanes)
         pixel = lane // dr.opaque(mi.UInt32, samples) + dr.opaque(mi.UInt32, first_pixel)
@@ -103,12 +111,25 @@ class EyePaths:
         cells = self._cells(
             lane - (lane // dr.opaque(mi.UInt32, samples)) * dr.opaque(mi.UInt32, samples), samples
         )
-        counts = self._loop(self, ray, cells, _Notes(mi, lane, lanes, carried, left))
+        counts = self._loop(self, ray, cells, Notes(mi, lane, lanes, carried, left))
         dr.eval(counts, carried, left)
         dr.sync_thread()
         used = int(dr.max(counts)[0])
         kept = (np.asarray(buffer).reshape(-1, 4)[: used * lanes] for buffer in (carried, left))
         return EyeRecords(*kept, np.asarray(counts))
+
+    def _evenly(self, samples: int) -> Any:
+        """Random numbers of which those of a pixel are spread evenly, where their number is a square.
+
+        So what varies slowly over a pixel, a lamp or the directions is hardly noisy; less than a variance says that
+        takes samples for independent.
+        """
+        if self._sampler is not None and self._sampler.sample_count() == samples:
+            return self._sampler
+        kind = "multijitter" if math.isqrt(samples) ** 2 == samples else "independent"
+        even = self.mi.load_dict({"type": kind, "sample_count": samples})
+        even.set_samples_per_wavefront(samples)
+        return even
 
     def _cells(self, number: Any, samples: int) -> tuple[Any, Any, Any]:
         """For each of a pixel's paths its own part of the lamp, as corner and size of a square in [0, 1)².
@@ -125,7 +146,7 @@ class EyePaths:
         x, y = (dr.select(own, mi.Float(part) * size, 0) for part in (number - row * side, row))
         return x, y, size
 
-    def _walk(self, ray: Any, cells: tuple[Any, Any, Any], notes: _Notes) -> Any:
+    def _walk(self, ray: Any, cells: tuple[Any, Any, Any], notes: Notes) -> Any:
         """The loop over surfaces; how many slots each path has filled."""
         import drjit as dr
 
@@ -136,24 +157,26 @@ class EyePaths:
         slot = mi.UInt32(0)
         carry, eta = mi.Spectrum(1), mi.Float(1)
         before = dr.zeros(mi.Interaction3f, dr.width(notes.lane))
+        mark = dr.opaque(mi.Float, 2.0 if rules.marks_aimed else 0.0)
         pdf, by_mirror = mi.Float(0), mi.Bool(True)  # of the last direction
         scattered, first_scatters = mi.Bool(False), mi.Bool(False)
         active = mi.Bool(True)
         while active:
             si = scene.ray_intersect(ray, mi.RayFlags.All, met == 0, active)
             lamp = si.emitter(scene, active)
-            hit_lamp = active & si.is_valid() & (lamp != None)  # noqa: E711 - of every lane
-            unseen = hit_lamp & (met == 0)  # the eye looks through the lamp
+            hit_lamp = active & (lamp != None)  # noqa: E711 - of every lane
+            seen = hit_lamp & (met == 0)
+            unseen = seen & si.is_valid()  # the eye looks through the lamp; behind the sky there is nothing
 
             # ---- the lamp met by chance, or in a mirror ------------------------------------------
             ds = mi.DirectionSample3f(scene, si, before)
             chance = scene.pdf_emitter_direction(before, ds, hit_lamp & ~by_mirror)
-            share = dr.select(by_mirror, 1, _power_heuristic(pdf, chance))
+            share = dr.select(by_mirror, 1, self._of_met(pdf, chance))
             through = by_mirror & scattered  # L S⁺ D …
             ours = ~through | self._keeps(first_scatters)
-            counts = hit_lamp & ~unseen & ours & (met + 1 <= most) & (met + 1 >= least)
+            counts = hit_lamp & ~seen & ours & (met + 1 <= most) & (met + 1 >= least)
             brought = carry * lamp.eval(si, counts) * share
-            slot += notes.write(slot, brought, -ray.d, self._place(si.p), counts)
+            slot += notes.write(slot, brought, self._leaves * ray.d, self._place(si.p), counts)
 
             active_next = active & si.is_valid() & ~hit_lamp & (met + 1 < most)
 
@@ -169,9 +192,11 @@ class EyePaths:
             value, wo_pdf, sample, weight = bsdf.eval_pdf_sample(
                 ctx, si, wo, sampler.next_1d(), sampler.next_2d(), active_next
             )
-            share = dr.select(ds.delta, 1, _power_heuristic(ds.pdf, wo_pdf))
+            share = dr.select(ds.delta, 1, 1 - self._of_met(wo_pdf, ds.pdf))
             brought = carry * value * light * share
-            slot += notes.write(slot, brought, -ds.d, self._place(ds.p), smooth & (met + 2 >= least))
+            aimed = smooth & (met + 2 >= least)
+            u, v = self._place(ds.p)
+            slot += notes.write(slot, brought, self._leaves * ds.d, (u + mark, v), aimed)
 
             # ---- on ----------------------------------------------------------------------------------
             on = si.spawn_ray(si.to_world(sample.wo))
@@ -192,6 +217,17 @@ class EyePaths:
             active_next &= ~roulette | (sampler.next_1d() < alive)
             active = unseen | (active_next & (strength > 0))
         return slot
+
+    def _of_met(self, met: Any, aimed: Any) -> Any:
+        """The share of what is met by chance, of these densities, in light that could have been aimed at too.
+
+        Where places are marked, all or nothing, and nothing but in gloss: what is aimed at is spread evenly.
+        """
+        import drjit as dr
+
+        if self.rules.marks_aimed:
+            return dr.select(met > _GLOSSY * aimed, self.mi.Float(1), self.mi.Float(0))
+        return power_heuristic(met, aimed)
 
     def _keeps(self, first_scatters: Any) -> Any:
         """Of paths that a mirror or glass brought from what scatters to the lamp."""
@@ -272,7 +308,7 @@ def _tent(u: Any) -> Any:
     return dr.select(u < 0.5, dr.sqrt(2 * u) - 1, 1 - dr.sqrt(dr.maximum(2 - 2 * u, 0)))
 
 
-def _power_heuristic(a: Any, b: Any) -> Any:
+def power_heuristic(a: Any, b: Any) -> Any:
     """a² / (a² + b²), 0 where both are."""
     import drjit as dr
 
@@ -295,7 +331,7 @@ def place_on(mi: Any, lamp: SteeredLamp, p: Any) -> tuple[Any, Any]:
     return u, v
 
 
-class _Notes:
+class Notes:
     """Where paths write: every lane in its own column, so that nothing is ever added up at random."""
 
     def __init__(self, mi: Any, lane: Any, lanes: int, carried: Any, left: Any) -> None:

@@ -18,13 +18,15 @@ from ..arrays import Float32, Float64
 from ..camera import Camera
 from ..rays.surfaces import SurfaceScene
 from .eye_paths import PathRules, PinholeRays, place_on
+from .shading_normals import for_smoothed
 from .steered_lamps import SteeredLamp, SteeredSpot
 
 _BANDS, _SECTORS = 256, 512  # cells of equal solid angle
 _SEARCHED = 16  # directions in each
-_ELSEWHERE = 0.05  # of the paths go to all cells alike, whatever was found,
-_ALIKE = 0.35  # and these alike to cells with S; the others where more reached the eye
-_PILOT = 1 << 18
+# Shares of the paths that go to all cells alike, whatever was found, and alike to cells with S; the others go where
+# more reached the eye. From another place of a panel light goes elsewhere: there a direction tells less.
+_SHARES = {True: (0.05, 0.35), False: (0.15, 0.45)}  # of a spot, or not
+_PILOT = 1 << 16
 _ROULETTE_FROM = 5
 _SURVIVAL = 0.95
 
@@ -71,11 +73,15 @@ class LightPaths:
         share = self._search()
         self.finds_any = bool(share.any())
         even = np.full(len(share), 1 / len(share))
-        self._aim(_ELSEWHERE * even + (1 - _ELSEWHERE) * share if self.finds_any else even)
+        from_one_place = isinstance(lamp, SteeredSpot)
+        elsewhere, alike = _SHARES[from_one_place]
+        self._aim(elsewhere * even + (1 - elsewhere) * share if self.finds_any else even)
         if self.finds_any:
             reached = self._pilot()
+            if not from_one_place:
+                reached = _spread(reached)
             useful = reached / reached.sum() if reached.any() else share
-            self._aim(_ELSEWHERE * even + _ALIKE * share + (1 - _ELSEWHERE - _ALIKE) * useful)
+            self._aim(elsewhere * even + alike * share + (1 - elsewhere - alike) * useful)
 
     def _aim(self, share: np.ndarray) -> None:
         self._cells = self.mi.DiscreteDistribution(self.mi.Float(share.astype(np.float32)))
@@ -173,7 +179,7 @@ class LightPaths:
             distance = dr.norm(to_eye)
             to_eye /= distance
             wo = si.to_local(to_eye)
-            value = bsdf.eval(ctx, si, wo, joins) * _for_smoothed(si, wo, to_eye)
+            value = bsdf.eval(ctx, si, wo, joins) * for_smoothed(si, wo, to_eye)
             seen = carry * value / (distance * distance * solid_angle)
             total = seen.x + seen.y + seen.z
             joins &= (total > 0) & dr.isfinite(total)
@@ -189,7 +195,7 @@ class LightPaths:
             active &= bent | mirror
             bent |= active & mirror
             d = si.to_world(sample.wo)
-            correction = _for_smoothed(si, sample.wo, d)
+            correction = for_smoothed(si, sample.wo, d)
             carry = dr.select(active, carry * weight * correction, carry)
             eta = dr.select(active, eta * sample.eta, eta)
             ray = si.spawn_ray(d)
@@ -200,6 +206,13 @@ class LightPaths:
             carry[roulette] *= dr.rcp(alive)
             active &= (~roulette | (sampler.next_1d() < alive)) & (strength > 0) & dr.isfinite(strength)
         return slot
+
+
+def _spread(cells: Float64[np.ndarray, "cells"]) -> Float64[np.ndarray, "cells"]:
+    """The mean of each cell and the eight about it."""
+    table = np.pad(cells.reshape(_BANDS, _SECTORS), ((1, 1), (0, 0)), mode="edge")
+    rows = (table[k : k + _BANDS] for k in range(3))
+    return (sum(np.roll(row, turn, axis=1) for row in rows for turn in (-1, 0, 1)) / 9).ravel()
 
 
 class _Lamp:
@@ -243,12 +256,3 @@ def _direction_in(mi: Any, cell: Any, sample: Any) -> Any:
     r = dr.sqrt(dr.maximum(1 - z * z, 0))
     s, c = dr.sincos(phi)
     return mi.Vector3f(r * c, r * s, z)
-
-
-def _for_smoothed(si: Any, wo: Any, direction: Any) -> Any:
-    """What light going this way is to be multiplied with where the normal is not the triangle's (Veach, 1997)."""
-    import drjit as dr
-
-    above = si.wi.z * dr.dot(direction, si.n)
-    below = wo.z * dr.dot(si.to_world(si.wi), si.n)
-    return dr.select(below != 0, dr.abs(above / below), 0)

@@ -7,7 +7,7 @@ which ``path`` works out with the scene's own BSDFs to any depth.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -74,6 +74,8 @@ class LitScene:
         Whether the scene's luminous materials shine, from the side their normals are on.
     surfaces
         Of the scene, with ``emits`` as ``emission``, to be made only once for many lights.
+    emitters
+        Others of Mitsuba's, as dicts or objects.
 
     Raises InputError where nothing shines.
     """
@@ -86,10 +88,11 @@ class LitScene:
         lamps: SphereLamps | None = None,
         emission: bool = False,
         surfaces: SurfaceScene | None = None,
+        emitters: Sequence[Any] = (),
     ) -> None:
         self.scene, self.mi = scene, mitsuba()
         surfaces = surfaces or SurfaceScene(scene, emits=emission)
-        lights = [] if lamps is None else lamps_of_mitsuba(self.mi, lamps)
+        lights = [*emitters, *([] if lamps is None else lamps_of_mitsuba(self.mi, lamps))]
         if sky is not None:
             lights.append(cube_emitter(self.mi, sky))
         self._lit = surfaces.lit_by(*lights)

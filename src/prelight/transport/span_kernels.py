@@ -7,6 +7,7 @@ cache. Samples of a pixel are added in their order: the same sums for any number
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit, prange, types
@@ -16,6 +17,10 @@ _f4_2 = types.Array(types.float32, 2, "C", readonly=True)
 _u4 = types.Array(types.uint32, 1, "C", readonly=True)
 _i8 = types.Array(types.int64, 1, "C", readonly=True)
 _f8_2 = types.Array(types.float64, 2, "C", readonly=True)
+_f8_3 = types.Array(types.float64, 3, "C", readonly=True)
+_shape = types.Tuple((_f8_2, _f8_3, _f8_2, _i8))
+
+SpanShape = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def harmonic_scales(degree: int | None) -> np.ndarray:
@@ -33,8 +38,27 @@ def harmonic_scales(degree: int | None) -> np.ndarray:
     return scale
 
 
+def recurrence(degree: int | None) -> np.ndarray:
+    """(degree+1, degree+1, 2) what P_lm is made with of those of the two lower l, divided out once and for all."""
+    size = 0 if degree is None else degree
+    found = np.zeros((size + 1, size + 1, 2))
+    for m in range(size + 1):
+        for l in range(m + 1, size + 1):
+            found[l, m] = (2.0 * l - 1.0) / (l - m), (l + m - 1.0) / (l - m)
+    return found
+
+
+def span_shape(lamp: Any) -> SpanShape:
+    """What the kernels know of a lamp's functions: scales and recurrence of its harmonics, functions of each axis
+    of its place, and the rates and powers of these where they are not sinusoids.
+    """
+    terms = getattr(lamp, "terms", ())
+    rates = np.array(terms, np.float64) if terms else np.zeros((0, 3))
+    return harmonic_scales(lamp.degree), recurrence(lamp.degree), rates, np.array(lamp.waves)
+
+
 @njit(cache=True)
-def _harmonics(x, y, z, scale, out):
+def _harmonics(x, y, z, scale, step, out):
     """Real spherical harmonics of a unit direction, without the Condon–Shortley sign, at l(l+1)+m."""
     degree = len(scale) - 1
     cosine, sine = 1.0, 0.0  # sin^m θ · (cos mφ, sin mφ)
@@ -46,7 +70,7 @@ def _harmonics(x, y, z, scale, out):
         before, here = 0.0, start
         for l in range(m, degree + 1):
             if l > m:
-                before, here = here, (z * (2.0 * l - 1.0) * here - (l + m - 1.0) * before) / (l - m)
+                before, here = here, z * step[l, m, 0] * here - step[l, m, 1] * before
             value = scale[l, m] * here
             out[l * (l + 1) + m] = value * cosine
             if m > 0:
@@ -54,8 +78,21 @@ def _harmonics(x, y, z, scale, out):
 
 
 @njit(cache=True)
-def _waves(x, out):
-    """1, √2·cos 2πx, √2·sin 2πx, √2·cos 4πx, …"""
+def _waves(x, rates, out):
+    """1, √2·cos 2πx, √2·sin 2πx, √2·cos 4πx, …; with rates (terms, 3) e^(αx)·x^k instead, k up to a power."""
+    if len(rates):
+        at = 0
+        for term in range(len(rates)):
+            value = math.exp(rates[term, 0] * x)
+            c, s = math.cos(rates[term, 1] * x), math.sin(rates[term, 1] * x)
+            for _ in range(int(rates[term, 2]) + 1):
+                out[at] = value * c
+                at += 1
+                if rates[term, 1] != 0.0:
+                    out[at] = value * s
+                    at += 1
+                value *= x
+        return
     out[0] = 1.0
     if len(out) == 1:
         return
@@ -67,31 +104,53 @@ def _waves(x, out):
 
 
 @njit(cache=True)
-def _span(x, y, z, u, v, scale, harmonic, wave_u, wave_v, out):
-    """All functions of a lamp, for light that leaves (u, v) in direction (x, y, z)."""
-    H = len(harmonic)
-    _harmonics(x, y, z, scale, harmonic)
-    _waves(u, wave_u)
-    _waves(v, wave_v)
-    place = 0
-    for a in range(len(wave_u)):
-        for b in range(len(wave_v)):
-            product = wave_u[a] * wave_v[b]
-            for k in range(H):
-                out[place + k] = product * harmonic[k]
-            place += H
+def _room(shape):
+    """Where functions are put while they are multiplied: all, harmonics, and those of three axes."""
+    scale, _, _, waves = shape
+    H = len(scale) * len(scale)
+    return (
+        np.empty(waves[0] * waves[1] * waves[2] * H), np.empty(H),
+        np.empty(waves[0]), np.empty(waves[1]), np.empty(waves[2]),
+    )  # fmt: skip
 
 
 @njit(cache=True)
-def _add_sample(i, carried, left, lanes, slots, scale, scratch, harmonic, wave_u, wave_v, value):
+def _span(x, y, z, u, v, shape, room):
+    """All functions of a lamp, for light that leaves (u, v) in direction (x, y, z); of a box, (u, v, x) in any."""
+    scale, step, rates, _ = shape
+    out, harmonic, wave_u, wave_v, wave_w = room
+    H = len(harmonic)
+    if H == 1:
+        harmonic[0] = scale[0, 0]
+    else:
+        _harmonics(x, y, z, scale, step, harmonic)
+    if len(out) == H:
+        out[:] = harmonic
+        return
+    _waves(u, rates, wave_u)
+    _waves(v, rates, wave_v)
+    if len(wave_w) == 1:
+        wave_w[0] = 1.0
+    else:
+        _waves(x, rates, wave_w)
+    place = 0
+    for a in range(len(wave_u)):
+        for b in range(len(wave_v)):
+            for c in range(len(wave_w)):
+                product = wave_u[a] * wave_v[b] * wave_w[c]
+                for k in range(H):
+                    out[place + k] = product * harmonic[k]
+                place += H
+
+
+@njit(cache=True)
+def _add_sample(i, carried, left, lanes, slots, shape, room, value):
     """Σ over a path's contributions of colour ⊗ functions, into value (3, S)."""
     value[:] = 0
+    scratch = room[0]
     for k in range(slots):
         at = k * lanes + i
-        _span(
-            left[at, 0], left[at, 1], left[at, 2], carried[at, 3], left[at, 3],
-            scale, harmonic, wave_u, wave_v, scratch,
-        )  # fmt: skip
+        _span(left[at, 0], left[at, 1], left[at, 2], carried[at, 3], left[at, 3], shape, room)
         for c in range(3):
             brought = np.float64(carried[at, c])
             for s in range(len(scratch)):
@@ -99,18 +158,16 @@ def _add_sample(i, carried, left, lanes, slots, scale, scratch, harmonic, wave_u
 
 
 @njit(cache=True)
-def _pixel(first, samples, records, counts, scale, periods, weights, mean, second, posed, posed_second):
+def _pixel(first, samples, records, counts, shape, weights, mean, second, posed, posed_second):
     carried, left = records
     lanes, S = len(counts), mean.shape[1]
-    value, scratch = np.empty((3, S)), np.empty(S)
-    harmonic = np.empty(len(scale) * len(scale))
-    wave_u, wave_v = np.empty(2 * periods[0] + 1), np.empty(2 * periods[1] + 1)
+    value, room = np.empty((3, S)), _room(shape)
     total, squares = np.zeros((3, S)), np.zeros(S)
     for j in range(samples):
         i = first + j
         if counts[i] == 0:
             continue
-        _add_sample(i, carried, left, lanes, counts[i], scale, scratch, harmonic, wave_u, wave_v, value)
+        _add_sample(i, carried, left, lanes, counts[i], shape, room, value)
         for c in range(3):
             for s in range(S):
                 total[c, s] += value[c, s]
@@ -140,44 +197,39 @@ def _pixel(first, samples, records, counts, scale, periods, weights, mean, secon
 @njit(
     [
         types.void(
-            types.int64, types.UniTuple(_f4_2, 2), _u4, _f8_2, types.UniTuple(types.int64, 2), _f8_2,
+            types.int64, types.UniTuple(_f4_2, 2), _u4, _shape, _f8_2,
             types.float32[:, :, ::1], types.float32[:, ::1], types.float64[:, :, ::1], types.float64[:, :, ::1],
         )
     ],
     parallel=True,
     cache=True,
 )  # fmt: skip
-def add_pixels(samples, records, counts, scale, periods, weights, mean, variance, posed, posed_variance):
+def add_pixels(samples, records, counts, shape, weights, mean, variance, posed, posed_variance):
     """Means and variances of pixels whose ``samples`` paths lie side by side.
 
-    records: two of (slots·lanes, 4): red, green, blue, u; and direction, v. counts (lanes,) how many slots a path
-    has filled. Written: mean (pixels, 3, S), variance (pixels, S) of the mean of the channels' mean, and for
-    weights (P, S) of lamps as they will be: posed (pixels, P, 3), posed_variance alike.
+    records: two of (slots·lanes, 4): red, green, blue, u; and direction, v (of a box w, 0, 0, v). counts (lanes,)
+    how many slots a path has filled. shape: ``span_shape``. Written: mean (pixels, 3, S), variance (pixels, S) of
+    the mean of the channels' mean, and for weights (P, S) of lamps as they will be: posed (pixels, P, 3),
+    posed_variance alike.
     """
     for pixel in prange(len(mean)):
         _pixel(
-            pixel * samples, samples, records, counts, scale, periods, weights,
+            pixel * samples, samples, records, counts, shape, weights,
             mean[pixel], variance[pixel], posed[pixel], posed_variance[pixel],
         )  # fmt: skip
 
 
 @njit(cache=True)
-def _splats(
-    first, last, order, arrived, left, share, scale, periods, weights, image, squares, posed, posed_squares
-):
+def _splats(first, last, order, arrived, left, share, shape, weights, image, squares, posed, posed_squares):
     """One pixel's run of splats; ``squares`` and ``posed_squares`` grow by Σ (share · value)²."""
     particle, colour = arrived
     S = image.shape[1]
-    scratch, sums, grown = np.empty(S), np.zeros((3, S)), np.zeros(S)
-    harmonic = np.empty(len(scale) * len(scale))
-    wave_u, wave_v = np.empty(2 * periods[0] + 1), np.empty(2 * periods[1] + 1)
+    room, sums, grown = _room(shape), np.zeros((3, S)), np.zeros(S)
+    scratch = room[0]
     for k in range(first, last):
         r = order[k]
         i = particle[r]
-        _span(
-            left[i, 0], left[i, 1], left[i, 2], left[i, 3], left[i, 4],
-            scale, harmonic, wave_u, wave_v, scratch,
-        )  # fmt: skip
+        _span(left[i, 0], left[i, 1], left[i, 2], left[i, 3], left[i, 4], shape, room)
         grey = share * np.float64(colour[r, 0] + colour[r, 1] + colour[r, 2]) / 3.0
         for c in range(3):
             brought = share * np.float64(colour[r, c])
@@ -186,11 +238,11 @@ def _splats(
         for s in range(S):
             grown[s] += (grey * scratch[s]) ** 2
         for p in range(len(weights)):
-            shape = 0.0
+            aimed = 0.0
             for s in range(S):
-                shape += weights[p, s] * scratch[s]
+                aimed += weights[p, s] * scratch[s]
             for c in range(3):
-                there = share * np.float64(colour[r, c]) * shape
+                there = share * np.float64(colour[r, c]) * aimed
                 posed[p, c] += there
                 posed_squares[p, c] += there * there
     for c in range(3):
@@ -203,17 +255,15 @@ def _splats(
 @njit(
     [
         types.void(
-            types.UniTuple(_i8, 3), types.Tuple((_i8, _f4_2)), _f4_2, types.float64, _f8_2,
-            types.UniTuple(types.int64, 2), _f8_2, types.float32[:, :, ::1], types.float32[:, ::1],
+            types.UniTuple(_i8, 3), types.Tuple((_i8, _f4_2)), _f4_2, types.float64, _shape, _f8_2,
+            types.float32[:, :, ::1], types.float32[:, ::1],
             types.float64[:, :, ::1], types.float64[:, :, ::1],
         )
     ],
     parallel=True,
     cache=True,
 )  # fmt: skip
-def add_splats(
-    sorting, arrived, left, share, scale, periods, weights, images, variance, posed, posed_variance
-):
+def add_splats(sorting, arrived, left, share, shape, weights, images, variance, posed, posed_variance):
     """Add what light-traced paths bring to the pixels they meet, in the order of the paths.
 
     sorting: where each pixel's run begins (groups+1,) in the order (splats,) by pixel, and the pixel (splats,);
@@ -226,6 +276,6 @@ def add_splats(
         first = starts[g]
         at = pixel[order[first]]
         _splats(
-            first, starts[g + 1], order, arrived, left, share, scale, periods, weights,
+            first, starts[g + 1], order, arrived, left, share, shape, weights,
             images[at], variance[at], posed[at], posed_variance[at],
         )  # fmt: skip

@@ -30,12 +30,7 @@ class Spreading:
 
     def __init__(self, gathering: Gathering, scene: Scene) -> None:
         self._gathering = gathering
-        corners = scene.positions[scene.triangles].astype(np.float64)
-        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        areas = np.zeros(len(scene.positions))
-        np.add.at(areas, scene.triangles, np.linalg.norm(across, axis=1)[:, None])
-        areas[areas <= 0] = areas.mean()
-        self.areas = (areas / areas.mean()).astype(np.float32)[:, None, None]
+        self.areas = vertex_areas(scene)[:, None, None]
 
     def bounce(
         self, X: Float32[np.ndarray, "vertices columns channels"]
@@ -53,6 +48,16 @@ class Spreading:
         if coloured == 0:
             out *= gathering.albedo.T[:C, :, None]
         return np.ascontiguousarray(np.moveaxis(out, 0, 2)) / self.areas
+
+
+def vertex_areas(scene: Scene) -> Float32[np.ndarray, "vertices"]:
+    """Of the triangles around each vertex, 1 on the mean, and where there are none."""
+    corners = scene.positions[scene.triangles].astype(np.float64)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.zeros(len(scene.positions))
+    np.add.at(areas, scene.triangles, np.linalg.norm(across, axis=1)[:, None])
+    areas[areas <= 0] = areas.mean()
+    return (areas / areas.mean()).astype(np.float32)
 
 
 _i4_1 = types.Array(types.int32, 1, "C", readonly=True)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Float64
+from ..bases.exponentials import ExponentialAxis
 from ..errors import InputError
 
 MOST_DEGREE = 24
@@ -22,6 +23,7 @@ MOST_PERIODS = 16
 MOST_FUNCTIONS = 1024
 
 Vector = tuple[float, float, float]
+Terms = tuple[tuple[float, float, int], ...]
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class SteeredSpot:
         _check_number("radius", self.radius, 0.0, 100.0)
 
     @property
-    def periods(self) -> tuple[int, int]:
-        """Of its place: it has but one."""
-        return 0, 0
+    def waves(self) -> tuple[int, int, int]:
+        """Functions of its place: it has but one."""
+        return 1, 1, 1
 
     @property
     def functions(self) -> int:
@@ -93,16 +95,19 @@ class SteeredPanel:
     Its radiance at corner + x_u·side_u + x_v·side_v is Σ w_s a(x_u) b(x_v) Y(ω) on the side from which ``side_u``
     turns counter-clockwise into ``side_v``, and nothing on the other. a and b run through 1, √2·cos 2πx,
     √2·sin 2πx, √2·cos 4πx, … up to so many whole periods, Y through the spherical harmonics up to ``degree``
-    (world axes) if there is one; function number (a·(2J+1) + b)·(n+1)² + Y.
+    (world axes) if there is one; function number (a·(2J+1) + b)·(n+1)² + Y. With ``terms`` a and b run through
+    those of `bases.exponentials.ExponentialAxis` instead, which do not come back at the opposite edge.
 
     Parameters
     ----------
     corner, side_u, side_v
         Metres.
     periods
-        I and J: (2I+1)·(2J+1) functions of the place. 0 to 16.
+        I and J: (2I+1)·(2J+1) functions of the place. 0 to 16; (0, 0) beside ``terms``.
     degree
         n over directions; None is light alike in all directions, of which Y is 1.
+    terms
+        Real and imaginary part of a rate α and the highest power k of e^(αx)·x^k, of each axis; none for sinusoids.
     """
 
     corner: Vector
@@ -110,16 +115,18 @@ class SteeredPanel:
     side_v: Vector
     periods: tuple[int, int] = (4, 4)
     degree: int | None = None
+    terms: Terms = ()
 
     def __post_init__(self) -> None:
         for name in ("corner", "side_u", "side_v"):
             object.__setattr__(self, name, _vector(f"panel {name}", getattr(self, name)))
-        if len(self.periods) != 2:
-            raise InputError("periods", f"{self.periods!r}, expected two whole numbers")
-        for count in self.periods:
-            _check_whole("periods", count, MOST_PERIODS)
+        _check_periods(self.periods, 2)
         if self.degree is not None:
             _check_whole("degree", self.degree, MOST_DEGREE)
+        if self.terms:
+            object.__setattr__(self, "terms", tuple(_term(one) for one in self.terms))
+            object.__setattr__(self, "periods", (0, 0))
+            _ = self.axis
         if not self.area > 1e-12:
             raise InputError("panel", "its sides are parallel or of no length; give it two that span an area")
         across = abs(float(np.dot(self.side_u, self.side_v)))
@@ -135,7 +142,19 @@ class SteeredPanel:
     def functions(self) -> int:
         """How many functions span its light."""
         over_directions = 1 if self.degree is None else (self.degree + 1) ** 2
-        return (2 * self.periods[0] + 1) * (2 * self.periods[1] + 1) * over_directions
+        return self.waves[0] * self.waves[1] * over_directions
+
+    @property
+    def axis(self) -> ExponentialAxis | None:
+        """What an axis holds in place of sinusoids. Raises InputError where its functions depend on each other."""
+        return ExponentialAxis(tuple((complex(a, b), k) for a, b, k in self.terms)) if self.terms else None
+
+    @property
+    def waves(self) -> tuple[int, int, int]:
+        """How many functions each axis has."""
+        if self.axis is not None:
+            return self.axis.functions, self.axis.functions, 1
+        return 2 * self.periods[0] + 1, 2 * self.periods[1] + 1, 1
 
     @property
     def area(self) -> float:
@@ -176,7 +195,115 @@ class SteeredPanel:
         return self.emitting_shape(_shining(1.0))
 
 
-SteeredLamp = SteeredSpot | SteeredPanel
+@dataclass(frozen=True)
+class SteeredBox:
+    """A box of light: a glow that fills it and that nothing else sees, for light shines through it.
+
+    What it sends out at corner + x_u·side_u + x_v·side_v + x_w·side_w is Σ w_s a(x_u) b(x_v) c(x_w) W·sr⁻¹·m⁻³, alike
+    in all directions; functions as those of a panel, number (a·(2J+1) + b)·(2K+1) + c.
+
+    Parameters
+    ----------
+    corner, side_u, side_v, side_w
+        Metres; the sides at right angles.
+    periods
+        I, J and K: (2I+1)·(2J+1)·(2K+1) functions.
+    """
+
+    corner: Vector
+    side_u: Vector
+    side_v: Vector
+    side_w: Vector
+    periods: tuple[int, int, int] = (2, 2, 2)
+
+    degree = None
+    is_point = False
+
+    def __post_init__(self) -> None:
+        for name in ("corner", "side_u", "side_v", "side_w"):
+            object.__setattr__(self, name, _vector(f"box {name}", getattr(self, name)))
+        _check_periods(self.periods, 3)
+        lengths = np.linalg.norm(self.sides, axis=1)
+        if not lengths.min() > 1e-6:
+            raise InputError("box", "one of its sides has no length; give it three that span a volume")
+        unit = self.sides / lengths[:, None]
+        if np.abs(unit @ unit.T - np.eye(3)).max() > 1e-4:
+            raise InputError("box", "its sides are not at right angles")
+        if self.functions > MOST_FUNCTIONS:
+            what = f"{self.functions:,} functions, at most {MOST_FUNCTIONS:,}; fewer periods"
+            raise InputError("box", what)
+
+    @property
+    def sides(self) -> Float64[np.ndarray, "3 3"]:
+        """One in each row, metres."""
+        return np.array([self.side_u, self.side_v, self.side_w])
+
+    @property
+    def volume(self) -> float:
+        """Cubic metres."""
+        return float(abs(np.linalg.det(self.sides)))
+
+    @property
+    def waves(self) -> tuple[int, int, int]:
+        """How many functions each axis has."""
+        i, j, k = self.periods
+        return 2 * i + 1, 2 * j + 1, 2 * k + 1
+
+    @property
+    def functions(self) -> int:
+        """How many functions span its light."""
+        return math.prod(self.waves)
+
+    @property
+    def middle(self) -> Vector:
+        x, y, z = (np.array(self.corner) + self.sides.sum(axis=0) / 2).tolist()
+        return x, y, z
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data with its kind."""
+        return {"kind": "box", **_plain(asdict(self))}
+
+    def emitter(self, mi: ModuleType) -> None:
+        """None: no surface of it shines."""
+
+
+@dataclass(frozen=True)
+class SteeredSky:
+    """Light from all around, as far away as the sky.
+
+    Its radiance from direction d (world axes, toward the sky) is Σ w_s Y_s(d), up to ``degree``. The eye does not
+    see it, mirrors do.
+    """
+
+    degree: int
+
+    is_point = False
+    middle = None
+
+    def __post_init__(self) -> None:
+        _check_whole("degree", self.degree, MOST_DEGREE)
+
+    @property
+    def waves(self) -> tuple[int, int, int]:
+        """Functions of its place: it has none."""
+        return 1, 1, 1
+
+    @property
+    def functions(self) -> int:
+        """How many functions span its light."""
+        return (self.degree + 1) ** 2
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data with its kind."""
+        return {"kind": "sky", "degree": self.degree}
+
+    def emitter(self, mi: ModuleType) -> Any:
+        """The sky with radiance 1 all over, for a scene of Mitsuba's."""
+        return {"type": "constant", "radiance": {"type": "rgb", "value": 1.0}}
+
+
+SteeredLamp = SteeredSpot | SteeredPanel | SteeredBox | SteeredSky
+_KINDS: dict[str, Any] = {"spot": SteeredSpot, "panel": SteeredPanel, "box": SteeredBox, "sky": SteeredSky}
 
 _BLACK = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
 
@@ -187,9 +314,9 @@ def _shining(radiance: float) -> dict[str, Any]:
 
 def lamp_from_dict(values: object) -> SteeredLamp:
     """From untrusted plain data, as ``to_dict`` gives it. Raises InputError."""
-    if not isinstance(values, Mapping) or values.get("kind") not in ("spot", "panel"):
-        raise InputError("lamp", "expected a table of kind spot or panel")
-    kind: Any = SteeredSpot if values["kind"] == "spot" else SteeredPanel
+    if not isinstance(values, Mapping) or values.get("kind") not in _KINDS:
+        raise InputError("lamp", f"expected a table of kind {', '.join(_KINDS)}")
+    kind = _KINDS[values["kind"]]
     fields: dict[str, Any] = {
         k: tuple(v) if isinstance(v, list) else v for k, v in values.items() if k != "kind"
     }
@@ -202,7 +329,11 @@ def lamp_from_dict(values: object) -> SteeredLamp:
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+    return {
+        k: [list(x) if isinstance(x, tuple) else x for x in v] if isinstance(v, tuple) else v
+        for k, v in values.items()
+        if k != "terms" or v
+    }
 
 
 def _vector(name: str, value: Any) -> Vector:
@@ -210,6 +341,23 @@ def _vector(name: str, value: Any) -> Vector:
     if not (numbers and all(_is_number(x) and abs(x) < 1e7 for x in value)):
         raise InputError(name, f"{value!r}, expected three numbers in metres, below ten million each")
     return float(value[0]), float(value[1]), float(value[2])
+
+
+def _check_periods(periods: Any, axes: int) -> None:
+    if not isinstance(periods, tuple) or len(periods) != axes:
+        raise InputError("periods", f"{periods!r}, expected {axes} whole numbers")
+    for count in periods:
+        _check_whole("periods", count, MOST_PERIODS)
+
+
+def _term(value: Any) -> tuple[float, float, int]:
+    """Two numbers and a power; what they may be, `ExponentialAxis` says."""
+    if not (isinstance(value, tuple | list) and len(value) == 3 and all(_is_number(x) for x in value)):
+        raise InputError(
+            "terms", f"{str(value)[:60]}, expected a rate's real and imaginary part, and a power"
+        )
+    _check_whole("power in terms", value[2], 12)
+    return float(value[0]), float(value[1]), value[2]
 
 
 def _check_whole(name: str, value: object, most: int) -> None:
