@@ -27,6 +27,7 @@ from prelight.transport.steered_reference import path_traced_picture
 
 COUNTS = (1, 2, 4, 8, 12, 16, 20, 28, 36, 50, 64, 81, 120, 200, 400)
 LIGHTS, RENDERS, ENOUGH = 2, 8, 35.0
+MORE_SAMPLES = {"81 panels": 16}  # than are asked for, else 4: a narrow light on a panel is noisiest
 
 
 class Direct:
@@ -88,7 +89,7 @@ def components(setting: Setting) -> dict[str, Any]:
     found, lines = {}, {}
     for name, (lamp, basis, lights, papers) in cases().items():
         tracer = setting.tracer(
-            lamp, samples=4 * setting.samples
+            lamp, samples=MORE_SAMPLES.get(name, 4) * setting.samples
         )  # of which paths from the lamp are left out
         weights = np.stack([c for c, _ in lights])
         rows = tracer.pixels(0, tracer.settings.pixels, weights=weights)
