@@ -315,7 +315,9 @@ def test_what_is_no_bake_is_said_so(tmp_path):
 def test_a_layer_of_another_kind_is_left_alone(bake, tmp_path):
     """A bake of a later version of the same format may hold layers that this one cannot light."""
     folder = copy(bake.path, tmp_path / "later.prelight")
-    strange = LayerRecord(kind="hologram", basis_lights=1, coefficients=1, rays=0, parameters={}, statistics={})
+    strange = LayerRecord(
+        kind="hologram", basis_lights=1, coefficients=1, rays=0, parameters={}, statistics={}
+    )
     rewrite_manifest(folder, lambda m: m["layers"].update(cloud=strange.model_dump()))
     later = Bake.open(folder)
     assert {layer["kind"] for layer in later.summary()["layers"]} == {"hologram", "environment"}

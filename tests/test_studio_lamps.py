@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -107,9 +108,8 @@ def test_a_lamp_is_moved_by_hand_by_keys_and_by_numbers(visit):
     box = handle.bounding_box()
     updates = visit.metric("updates")
     page.mouse.move(box["x"] + 10, box["y"] + 10)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 180, box["y"] + 10, steps=12)
-    changed(visit, page.mouse.up)
+    over = partial(page.mouse.move, box["x"] + 180, box["y"] + 10, steps=12)
+    changed(visit, page.mouse.down, over, page.mouse.up)
     assert visit.metric("updates") > updates + 1
     moved = look(visit)["lamps"][0]["position"]
     assert moved[0] > -0.4
@@ -138,11 +138,10 @@ def test_a_spot_is_aimed_at_what_is_pointed_at(visit):
     assert left[LEFT].mean() > 2 * left[RIGHT].mean()
     aim = page.get_by_role("button", name="Aim of Spot 1").bounding_box()
     page.mouse.move(aim["x"] + 11, aim["y"] + 11)
-    page.mouse.down()
     stage = page.locator("#stage canvas").bounding_box()
     # Where RIGHT is seen: the picture is as wide as the page, and its middle that of what the panel leaves free.
-    page.mouse.move(aim["x"] + 60, aim["y"] + 11, steps=4)
-    changed(visit, page.mouse.up)
+    over = partial(page.mouse.move, aim["x"] + 60, aim["y"] + 11, steps=4)
+    changed(visit, page.mouse.down, over, page.mouse.up)
     target = look(visit)["lamps"][0]["target"]
     assert target[0] > -0.6
     assert abs(target[1]) < 1.1  # on a surface

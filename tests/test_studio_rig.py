@@ -247,6 +247,23 @@ def test_a_drag_is_one_step_and_pauses_divide(history, monkeypatch) -> None:
     assert history.state.redo is None
 
 
+def test_two_sliders_of_a_lamp_are_two_steps(history, monkeypatch) -> None:
+    """However soon one follows the other; a drag that ends where it is adds nothing."""
+    monkeypatch.setattr(histories.time, "monotonic", lambda: 100.0)
+    history.obey(SetLamp(BULB), author=1)
+    dimmed = replace(BULB, dim=0.5)
+    for lamp in (BULB, replace(BULB, dim=0.7), dimmed, dimmed):
+        history.obey(SetLamp(lamp, dragging=True), author=1)
+    for red in (0.9, 0.8):
+        history.obey(SetLamp(replace(dimmed, color=(red, 0.5, 0.2)), dragging=True), author=1)
+    history.obey(Undo(), author=1)
+    assert history.state.lamps == (dimmed,)
+    history.obey(Undo(), author=1)
+    assert history.state.lamps == (BULB,)
+    history.obey(Undo(), author=1)
+    assert history.state.lamps == ()
+
+
 def test_looks_are_kept_in_the_file(history, tmp_path) -> None:
     history.obey(SetLamp(BULB), author=1)
     history.obey(SaveLook("Evening"), author=1)

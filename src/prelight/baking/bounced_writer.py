@@ -58,7 +58,11 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
             "bounced_held": part.held,
             **({"bounced_edge": part.edge} if part.held < HELD else {}),
             **({} if first is None else _said_of(first)),
-            **({} if caustics is None else {"caustic_noise": caustics.noise, "photons_traced": caustics.photons}),
+            **(
+                {}
+                if caustics is None
+                else {"caustic_noise": caustics.noise, "photons_traced": caustics.photons}
+            ),
         },
         "rays": part.rays,
         "arrays": arrays,

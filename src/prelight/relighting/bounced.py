@@ -95,7 +95,11 @@ class BouncedLight:
             found = caustics(lights) if self._direct is not None else None
             found = self.part.caustics.of(light) if found is None else found
         if self._direct is not None:
-            return self._direct.bounced(direct) if found is None else found + self._direct.bounced(direct + found)
+            return (
+                self._direct.bounced(direct)
+                if found is None
+                else found + self._direct.bounced(direct + found)
+            )
         sums = np.empty_like(self._sums)
         self._multiply(self._of_cells(light), sums)
         rows = in_rows(sums, self._layer.order, rows=self._layer.rows)

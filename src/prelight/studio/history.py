@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from ..errors import InputError
 from .protocol import (
@@ -63,7 +63,7 @@ class History:
         self._desk = _Desk(state, tuple(sorted(looks)))
         self._undo: list[_Step] = []
         self._redo: list[_Step] = []
-        self._last: tuple[str, float] | None = None  # what was dragged last, and when
+        self._last: tuple[str, str, float] | None = None  # what was dragged last, and when
         self._tell()
 
     @property
@@ -97,14 +97,24 @@ class History:
             before, after = self._desk, self._after(change, author)
             words, dragged = words_of(change, before.state), getattr(change, "dragging", False)
             now = time.monotonic()
-            known = self._last is not None and self._last[0] == words and now - self._last[1] < _ONE_STEP
-            if not (known and self._undo):
+            touched = _touched(change, before.state)
+            known = self._goes_on(words, touched, now)
+            if not known:
                 self._undo = [*self._undo[1 - MOST_STEPS :], _Step(words, before)]
             self._redo = []
-            self._last = (words, now) if dragged else None
+            if known and self._last is not None:
+                touched = touched or self._last[1]
+            self._last = (words, touched, now) if dragged else None
             self._desk = after
         self._tell()
         return self._desk.state
+
+    def _goes_on(self, words: str, touched: str, now: float) -> bool:
+        """Whether a message belongs to the drag before it; the last one of a drag often changes nothing more."""
+        if self._last is None or not self._undo:
+            return False
+        known, what, when = self._last
+        return known == words and (touched in ("", what) or not what) and now - when < _ONE_STEP
 
     def _after(self, change: Change, author: int | None) -> _Desk:
         state, looks = self._desk.state, dict(self._desk.looks)
@@ -171,6 +181,16 @@ def words_of(change: Change, state: State) -> str:
         case OpenRig():
             return "opening a rig"
     return ""
+
+
+def _touched(change: Change, state: State) -> str:
+    """Which numbers of a lamp a message changes: two sliders moved one after the other are two steps."""
+    if not isinstance(change, SetLamp):
+        return ""
+    old = next((lamp for lamp in state.lamps if lamp.id == change.lamp.id), None)
+    if old is None:
+        return ""
+    return ", ".join(f.name for f in fields(old) if getattr(old, f.name) != getattr(change.lamp, f.name))
 
 
 def _verb(known: bool, *, removed: bool) -> str:
