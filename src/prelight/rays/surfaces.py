@@ -224,8 +224,9 @@ class SurfaceScene:
             return table
         if kind in _WITH_WIDTH:
             return table | {"type": _WITH_WIDTH[kind], "alpha": self._least}
-        if kind == PHONG and isinstance(table.get("exponent"), int | float):
-            table["exponent"] = min(float(table["exponent"]), 0.5 / self._least**2)  # of a lobe as wide
+        exponent = table.get("exponent")
+        if kind == PHONG and isinstance(exponent, int | float):
+            table["exponent"] = min(float(exponent), 0.5 / self._least**2)  # of a lobe as wide
         for name, power in _WIDTHS:
             width = table.get(name)
             if isinstance(width, int | float):

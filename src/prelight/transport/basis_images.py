@@ -130,7 +130,7 @@ class BasisTracer:
         wide = isinstance(lamp, SteeredBox | SteeredSky)  # paths from the eye find it, whatever they meet
         rules = PathRules(settings.depth, least, False, settings.by_chance or wide)
         self._light = None
-        if surfaces.delta.any() and settings.particles and not wide:
+        if surfaces.delta.any() and settings.particles and not isinstance(lamp, SteeredBox | SteeredSky):
             light = LightPaths(surfaces, lamp, camera, rules=rules, **frame)
             self._light = light if light.finds_any else None
         rules = PathRules(settings.depth, least, self._light is not None, rules.by_chance)

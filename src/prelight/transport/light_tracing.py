@@ -19,7 +19,7 @@ from ..camera import Camera
 from ..rays.surfaces import SurfaceScene
 from .eye_paths import PathRules, PinholeRays, place_on
 from .shading_normals import for_smoothed
-from .steered_lamps import SteeredLamp, SteeredSpot
+from .steered_lamps import SteeredPanel, SteeredSpot
 
 _BANDS, _SECTORS = 256, 512  # cells of equal solid angle
 _SEARCHED = 16  # directions in each
@@ -53,7 +53,7 @@ class LightPaths:
     def __init__(
         self,
         surfaces: SurfaceScene,
-        lamp: SteeredLamp,
+        lamp: SteeredSpot | SteeredPanel,
         camera: Camera,
         *,
         width: int,
@@ -211,14 +211,14 @@ class LightPaths:
 def _spread(cells: Float64[np.ndarray, "cells"]) -> Float64[np.ndarray, "cells"]:
     """The mean of each cell and the eight about it."""
     table = np.pad(cells.reshape(_BANDS, _SECTORS), ((1, 1), (0, 0)), mode="edge")
-    rows = (table[k : k + _BANDS] for k in range(3))
-    return (sum(np.roll(row, turn, axis=1) for row in rows for turn in (-1, 0, 1)) / 9).ravel()
+    rows = [np.roll(table[k : k + _BANDS], turn, axis=1) for k in range(3) for turn in (-1, 0, 1)]
+    return np.mean(rows, axis=0).ravel()
 
 
 class _Lamp:
     """Where light begins that leaves a lamp in given directions, and how much it is."""
 
-    def __init__(self, mi: Any, lamp: SteeredLamp) -> None:
+    def __init__(self, mi: Any, lamp: SteeredSpot | SteeredPanel) -> None:
         self.mi, self.lamp = mi, lamp
 
     def ray(self, d: Any, sample: Any) -> Any:
