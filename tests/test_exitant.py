@@ -20,7 +20,7 @@ from prelight.relighting.exitant import CELLS, Exitant, frames, on_cells
 from prelight.scene.geometry import Scene
 from prelight.transport.exitant import NONE, glossy_rows, lobes_of
 
-from .gloss import GOLD, LACQUER, PHONG, made_of, opened, part_of, phong_values
+from .glossy_surfaces import GOLD, LACQUER, PHONG, made_of, opened, part_of, phong_values
 from .rooms import room
 from .scenes import ball_on_floor, plane
 
