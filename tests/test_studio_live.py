@@ -63,7 +63,10 @@ def scene_alone(visit: Visit) -> np.ndarray:
     visit.page.wait_for_timeout(100)
     shown = visit.pixels()
     visit.page.keyboard.press("h")
+    drawn = visit.metric("drawn")
     visit.page.set_viewport_size({"width": WIDTH, "height": 540})
+    visit.until("document.querySelector('canvas').height", lambda height: height == 540)
+    visit.until("__prelight.metrics.drawn", lambda count: count > drawn)  # handles are where lamps are drawn
     return shown
 
 
