@@ -30,9 +30,9 @@ A bake keeps how much of each light reaches each place; relighting multiplies. B
 `prelight bake environment MESH.ply --floor 3 -o MESH.prelight`, then
 `prelight relight MESH.prelight SKY.hdr -o picture.png`.
 
-Skies and suns come from `bake environment`, rooms by their windows from `bake portals`, lamps anywhere from `bake transfer`
-(or `bake cloud`), lamps aimed before one camera from `bake steerable`; `layers add` puts several into one bake, and one
-rig lights them all, in relight, animate and studio.
+Skies and suns come from `bake environment`, rooms by their windows from `bake portals`, lamps anywhere from
+`bake transfer` (or `bake cloud`), lamps aimed before one camera from `bake steerable`; `layers add` puts several into
+one bake, and one rig lights them all, in relight, animate and studio.
 
 Exit codes: 0 done, 1 a fault of Prelight, 2 bad input, 3 reading or writing failed, 4 a damaged bake,
 130 interrupted.""",
