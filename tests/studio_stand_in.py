@@ -55,8 +55,17 @@ def state(**changed: Any) -> State:
     return {
         "sequence": 0, "author": None, "environment": "stock:noon", "rotation_deg": 0.0, "scale": 1.0,
         "tint": [1.0, 1.0, 1.0], "sun": SUN, "discs": [], "lamps": [], "glass": [], "stops": 0.0, "looks": [],
+        "timeline": [], "world": None, "seconds": 0.0,
         "undo": None, "redo": None, **changed,
     }  # fmt: skip
+
+
+def framed(words: np.ndarray, flags: int, *, sequence: int = 0, number: int = 0) -> bytes:
+    """A binary frame of words of four bytes."""
+    data = np.ascontiguousarray(words).tobytes()
+    header = bytearray(32)
+    FrameHeader(number, sequence, len(data) // 4, 0.0, flags).write(header)
+    return bytes(header) + data
 
 
 def png(colour: tuple[int, int, int] = (120, 150, 200)) -> bytes:
@@ -83,6 +92,9 @@ class StandIn:
     textures: list[bytes] = field(default_factory=list)
     environments: list[str] = field(default_factory=lambda: ["stock:noon", "stock:sunset"])
     sky: np.ndarray = field(default_factory=lambda: np.full((SKY[0] * SKY[1], 3), 0.25))
+    replies: dict[str, Callable[[dict[str, Any]], list[Any]]] = field(
+        default_factory=dict
+    )  # messages, frames
     preview: Callable[[str], bytes] = lambda name: png()
     state: State = field(default_factory=state)
     refuses: str | None = None
@@ -106,7 +118,8 @@ class StandIn:
             "textures": len(self.textures), "resolution": 64, "pixels": None, "eye": None,
             "cameras": self.cameras,
             "environments": [{"id": name, "title": f"the sky of {name}"} for name in self.environments],
-            "takes": ["environment", "lamps"], "portals": [], "most_discs": 32, "most_lamps": 32,
+            "takes": ["environment", "lamps"], "portals": [], "steered": None, "worlds": [], "glossy": False,
+            "no_tracer": "there is none", "most_discs": 32, "most_lamps": 32,
             "state": {"type": "State", **self.state}, **self.welcome,
         }  # fmt: skip
 
@@ -187,6 +200,11 @@ class StandIn:
     async def answer(self, socket, message: dict[str, Any]) -> None:
         kind = message.pop("type")
         self.received.append({"type": kind, **message})
+        if kind in self.replies:
+            for reply in self.replies[kind](message):
+                send = socket.send_bytes if isinstance(reply, bytes) else socket.send_text
+                await send(reply if isinstance(reply, bytes) else json.dumps(reply))
+            return
         if kind == "Seen":
             if self.streaming:
                 await asyncio.sleep(0.004)
@@ -208,6 +226,10 @@ class StandIn:
             self.state |= {key: value for key, value in message.items() if value is not None}
         elif kind == "SetSun":
             self.state |= {"environment": "daylight", "sun": message["sun"]}
+        elif kind == "SetWorld":
+            self.state |= {"world": message["world"], "seconds": message["seconds"]}
+        elif kind == "SetTimeline":
+            self.state |= {"timeline": message["keys"]}
         elif kind in ("SetLamp", "RemoveLamp"):
             name = message["lamp"]["id"] if kind == "SetLamp" else message["id"]
             others = [lamp for lamp in self.state["lamps"] if lamp["id"] != name]

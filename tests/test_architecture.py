@@ -136,7 +136,9 @@ def test_dependencies_are_declared_and_used() -> None:
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    declared = {spelled(r) for r in project["dependencies"] + extras["bake"] + extras["film"]}
+    declared = {
+        spelled(r) for r in project["dependencies"] + extras["bake"] + extras["film"] + extras["notebook"]
+    }
     owner = packages_distributions()
     used = {
         spelled(owner.get(module, [module])[0])

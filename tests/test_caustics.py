@@ -34,7 +34,7 @@ from prelight.transport.specular import is_specular, specular_materials, without
 
 from .disk import copy, rewrite_manifest
 from .glass import GLASS, GREEN_GLASS, ball, ball_above_floor, joined
-from .rooms import rectangle, scene_of_rectangles
+from .rooms import rectangle, room, scene_of_rectangles
 from .scenes import ball_on_floor
 from .test_forged_bakes import changed, replace_array
 from .workshop import assert_refusal
@@ -183,15 +183,9 @@ def test_directions_find_their_cells(resolution) -> None:
     assert (cells_of(middle, cells, resolution) == np.arange(len(cells))).all()
 
 
-def test_caustics_bounce_like_all_other_light(monkeypatch) -> None:
-    """A floor that every cell lights by glass: the wall beside it has that floor's light from the modes."""
-    walls = scene_of_rectangles(
-        rectangle((0, 0, 0), (0, 0, 2), (2, 0, 0), cells=5),
-        rectangle((0, 0, 0), (0, 2, 0), (0, 0, 2), cells=5),
-    )
-    scene = joined(walls, *ball(radius=0.05, centre=(1, 1.9, 1), rings=4), GLASS)
-    layer = LayerReceivers(scene, EnvironmentSettings(2, gather_rays=256, photons=BATCH))
-    count, V = len(light_cells(2)), len(scene.positions)
+def bounced_of_a_lit_floor(layer: LayerReceivers, monkeypatch) -> tuple[np.ndarray, np.ndarray]:
+    """What a layer has for bounced light of a floor that every cell lights by glass, and what the operator says."""
+    scene, count, V = layer.scene, len(light_cells(2)), len(layer.scene.positions)
     lit = (scene.positions[:, 1] == 0) & (scene.normals[:, 1] > 0.9)
     starts = np.concatenate([[0], np.cumsum(lit * count)]).astype(np.int64)
     cells = np.tile(np.arange(count, dtype=np.int32), int(lit.sum()))
@@ -207,9 +201,33 @@ def test_caustics_bounce_like_all_other_light(monkeypatch) -> None:
     gathering = Gathering.trace(layer.bouncing, layer.occluders, origins=layer.origins, rays=256)
     C = np.zeros((V, 1, 1), np.float32)
     C[lit] = 0.2 * count
-    expected = bounced(gathering, C).indirect[:, 0, 0]
-    found = indirect(0.2) - indirect(0.0)
+    return indirect(0.2) - indirect(0.0), bounced(gathering, C).indirect[:, 0, 0]
+
+
+def test_caustics_bounce_like_all_other_light(monkeypatch) -> None:
+    """A floor that every cell lights by glass: the wall beside it has that floor's light from the modes."""
+    walls = scene_of_rectangles(
+        rectangle((0, 0, 0), (0, 0, 2), (2, 0, 0), cells=5),
+        rectangle((0, 0, 0), (0, 2, 0), (0, 0, 2), cells=5),
+    )
+    scene = joined(walls, *ball(radius=0.05, centre=(1, 1.9, 1), rings=4), GLASS)
+    found, expected = bounced_of_a_lit_floor(
+        LayerReceivers(scene, EnvironmentSettings(2, gather_rays=256, photons=BATCH)), monkeypatch
+    )
     np.testing.assert_allclose(found, expected, atol=0.02 * expected.max())
+
+
+@pytest.mark.parametrize("fault", [False, True])
+def test_modes_span_what_caustics_alone_bring(monkeypatch, fault) -> None:
+    """A closed room where nothing falls directly. The fault: mixtures that span the modes have direct light alone."""
+    scene = joined(room(3), *ball(radius=0.05, centre=(2, 2.5, 2), rings=4), GLASS)
+    if fault:
+        monkeypatch.setattr(Caustics, "add", lambda *_: None)
+    found, expected = bounced_of_a_lit_floor(
+        LayerReceivers(scene, EnvironmentSettings(2, gather_rays=256, photons=BATCH)), monkeypatch
+    )
+    off = float(np.abs(found - expected).max() / expected.max())
+    assert off > 0.5 if fault else off < 0.02
 
 
 # ---- settings, disk, forgeries ------------------------------------------------------------------------------

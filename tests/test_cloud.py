@@ -19,6 +19,7 @@ from prelight.lighting.rig import Rig
 from prelight.lighting.spot import Spot
 from prelight.rays.mitsuba import Occluders
 from prelight.relighting.cloud import CloudRelighter
+from prelight.relighting.cloud_fading import Fading
 from prelight.relighting.lit_bake import LitBake
 from prelight.scene.geometry import Scene
 from prelight.transport.bounces import bounced
@@ -29,7 +30,7 @@ from .disk import copy
 from .rooms import box, room
 
 SETTINGS = CloudSettings(
-    lights=90, patches=64, zone=256, gather_rays=256, box=((0.1, 0.1, 0.1), (3.9, 2.9, 4.9)), coefficients=32
+    lights=90, modes=64, zone=256, gather_rays=256, box=((0.1, 0.1, 0.1), (3.9, 2.9, 4.9)), coefficients=32
 )
 HERE, THERE = (0.9, 1.3, 1.1), (2.9, 1.7, 3.9)
 
@@ -123,6 +124,27 @@ def test_between_lights_fitted_weights_err_at_most_half_as_much_as_the_kernel(pa
     assert fitted < 0.55 * papers
 
 
+def test_clusters_and_zones_show_no_seams(lit, truth):
+    """What is wrong changes across borders of clusters and zones no more than within them."""
+    cluster_of, layer = np.empty(len(lit.layer.order), int), lit.layer
+    for k, (first, rows) in enumerate(layer.places[:, :2]):
+        cluster_of[layer.order[first : first + rows]] = k
+    a, b = lit.bake.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
+    across, jumps = cluster_of[a] != cluster_of[b], []
+    assert 0.1 < across.mean() < 0.9
+    places = layer.grid[::9]
+    _, true = truth(*places)
+    for k, at in enumerate(places):
+        lit.shine([point(at)])
+        wrong = (lit.indirect[:, 0] - true[:, k]) / true[:, k].mean()
+        jumps.append(np.square(wrong[a] - wrong[b]))
+    mean = np.mean(jumps, axis=0)
+    assert mean[across].mean() < 1.5**2 * mean[~across].mean()
+    assert (
+        mean[across].mean() < 0.05**2
+    )  # of the lamp's mean light; that itself changes by a half from vertex to vertex
+
+
 def test_little_leaks_through_the_wall(lit, truth):
     """On the far side no more than the reference, and a hundredth of what it has there on the mean."""
     places = [(0.6, 1.2, 2.7), (0.6, 1.2, 2.45), (1.5, 2.0, 2.65)]
@@ -131,7 +153,7 @@ def test_little_leaks_through_the_wall(lit, truth):
     for k, at in enumerate(places):
         lit.shine([point(at)])
         ours, there = lit.irradiance[behind, 0].mean(), (direct[:, k, 0] + true[:, k])[behind].mean()
-        assert ours < 1.15 * there + 0.01 * there
+        assert ours < 1.01 * there
         near = (direct[:, k, 0] + true[:, k])[~behind].mean()
         assert there < 0.2 * near  # it is a wall
 
@@ -149,6 +171,51 @@ def test_a_lamp_that_goes_through_the_door_does_not_pop(lit, truth):
     assert (steps <= 2 * real + 0.01 * true.mean()).all()
 
 
+def test_a_live_session_fades_to_what_is_there_at_once_without_one(path, lit):
+    now = [0.0]
+    live = CloudRelighter(path, fading=Fading(0.1, clock=lambda: now[0]))
+    lit.shine([point(HERE)])
+    before = lit.indirect
+    assert live.shine([point(HERE)])  # a lamp that is new is there at once
+    np.testing.assert_array_equal(live.indirect, before)
+    lit.shine([point(THERE)])
+    after = lit.indirect
+    shares = []
+    for _ in range(40):
+        assert live.shine([point(THERE)])
+        shares.append(off(live.indirect, after) / off(before, after))
+        now[0] += 0.05
+        if not live.is_settling:
+            break
+    assert shares[0] == pytest.approx(1, abs=1e-3)
+    assert shares[2] == pytest.approx(np.exp(-1), abs=0.02)
+    assert not live.is_settling
+    np.testing.assert_array_equal(live.indirect, after)
+    assert not live.shine([point(THERE)])
+    live.shine([])
+    assert not live.irradiance.any()  # what is gone is gone
+
+
+def test_a_lamp_beside_a_wall_is_a_spot_that_no_light_of_the_grid_has(path, lit, truth):
+    """Five centimetres from surfaces, where no light of the grid is near: half the error of the paper's kernel."""
+    kernel, errors = CloudRelighter(path, interpolation="kernel"), []
+    places = [
+        (0.05, 1.3, 1.0),
+        (1.9, 0.05, 1.4),
+        (2.2, 2.95, 0.8),
+        (3.95, 0.9, 2.1),
+        (1.1, 1.0, 2.7),
+        (2.0, 2.0, 0.05),
+    ]
+    _, true = truth(*places)
+    for light in (lit, kernel):
+        for k, at in enumerate(places):
+            light.shine([point(at)])
+            errors.append(off(light.indirect[:, 0], true[:, k]))
+    assert np.median(errors[:6]) < 0.5 * np.median(errors[6:])
+    assert max(errors[:6]) < max(errors[6:])
+
+
 def test_spots_and_panels_are_carried_too_but_not_by_the_kernel(path, lit, truth):
     down = PlacedPanel((0.9, 2.8, 1.1), (0.3, 0.3), Spot((4.0, 4.0, 4.0), direction=(0.0, -1.0, 0.0)))
     lit.shine([down])
@@ -157,7 +224,7 @@ def test_spots_and_panels_are_carried_too_but_not_by_the_kernel(path, lit, truth
         scene, Occluders(scene.positions, scene.triangles), origins=layer.origins, rays=256
     )
     true = bounced(gathering, lit.direct[:, None, :1]).indirect[:, 0, 0]
-    assert off(lit.indirect[:, 0], true) < 0.3  # its patches are a metre wide
+    assert off(lit.indirect[:, 0], true) < 0.1
     with pytest.raises(InputError, match="kernel"):
         CloudRelighter(path, interpolation="kernel").shine([down])
 
@@ -234,7 +301,7 @@ def test_lights_in_solids_are_left_out_and_counted(path):
 
 def test_the_paper_s_cloud_alone_is_smaller_and_lights_too(tmp_path, lit, truth):
     settings = CloudSettings(
-        lights=90, patches=0, interpolation="kernel", zone=256, gather_rays=256, box=SETTINGS.box, codes="float16"
+        lights=90, modes=0, interpolation="kernel", zone=256, gather_rays=256, box=SETTINGS.box, codes="float16"
     )  # fmt: skip
     bake = bake_cloud(two_rooms(), tmp_path / "paper.prelight", settings=settings)
     light = CloudRelighter(bake)
@@ -266,8 +333,10 @@ def test_the_paper_s_cloud_alone_is_smaller_and_lights_too(tmp_path, lit, truth)
         ("codes", lambda v: v[:-1]),
         ("codes", lambda v: v.view(np.uint8)),
         ("code_scales", lambda v: v * np.float32(np.inf)),
-        ("patch_of", lambda v: v + 1000),
-        ("patch_of", lambda v: v - 1),
+        ("sources", lambda v: v[1:]),
+        ("sources", lambda v: v.view(np.uint8)),
+        ("source_scales", lambda v: v * np.float32(np.nan)),
+        ("source_scales", lambda v: v[1:]),
         ("fluxes", lambda v: v[:, :-1]),
         ("areas", lambda v: v * np.float32(np.nan)),
         ("lights", lambda v: v * np.float32([1, 1, 1, 0])),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from prelight.encoding.clustered_pca import clustered_components
+from prelight.encoding.clustered_pca import allocated, clustered_components
 from prelight.encoding.light_clustering import merged, near_pairs, pair_distances, suggested_weights
 from prelight.encoding.light_fit import bounded, fitted, kernel, nearest, normalised, prior
 from prelight.errors import InputError
@@ -83,9 +83,31 @@ def test_weights_are_suggested_by_size_and_brightness():
 
 def rows(receivers: int = 90, columns: int = 24, rank: int = 5) -> np.ndarray:
     chance = np.random.default_rng(2)
-    return (chance.normal(size=(3, receivers, rank)) @ chance.normal(size=(3, rank, columns))).astype(
-        np.float32
+    return (chance.normal(size=(3, receivers, rank)) @ chance.normal(size=(rank, columns))).astype(np.float32)
+
+
+def test_allocated_components_go_where_they_gain_most_in_all_zones():
+    even, rich = rows(rank=2), rows(rank=12)
+    zones = [clustered_components(X, clusters=1, mean_components=12)[0] for X in (even, rich)]
+    few = allocated(zones, mean_components=7)
+    assert len(few[0].basis) <= 2 or few[0].gains[2] < 1e-9
+    assert sum(len(cluster.basis) for cluster in few) <= 14
+    for X, cluster in zip((even, rich), few, strict=True):
+        assert cluster.left == pytest.approx(
+            left_over(X, [cluster]) ** 2 * float(np.square(X).sum()), rel=1e-3, abs=1e-3
+        )
+
+
+def test_important_receivers_are_approximated_better():
+    X, importance = rows(rank=12), np.ones(90, np.float32)
+    importance[:9] = 100
+    plain, weighed = (
+        clustered_components(X, clusters=1, mean_components=5, importance=w)[0] for w in (None, importance)
     )
+    off = [
+        np.square(np.stack([c.approximation(k) for k in range(3)]) - X)[:, :9].sum() for c in (plain, weighed)
+    ]
+    assert off[1] < 0.8 * off[0]
 
 
 def left_over(X: np.ndarray, clusters) -> float:
@@ -113,7 +135,7 @@ def test_the_mean_number_of_components_is_kept_to_and_more_clusters_lose_less():
     lost = []
     for count in (1, 3, 6):
         found = clustered_components(X, clusters=count, mean_components=3)
-        used = sum(len(c.rows) * len(c.basis[0]) for c in found) / 120
+        used = sum(len(c.rows) * len(c.basis) for c in found) / 120
         assert used <= 3
         lost.append(left_over(X, found))
     assert lost[0] > lost[1] > lost[2]
@@ -123,7 +145,7 @@ def test_components_stop_at_the_error_that_is_asked_for():
     X = rows(rank=12)
     few = clustered_components(X, clusters=1, mean_components=12, error=0.2)
     assert left_over(X, few) <= 0.2
-    assert sum(len(b) for b in few[0].basis) < 36
+    assert len(few[0].basis) < 12
 
 
 def test_the_paper_s_kernel_ends_at_its_rim():
@@ -227,7 +249,7 @@ def test_a_box_that_makes_no_sense_is_refused():
 
     for settings in (
         {"box": ((0, 0, 0), (1, 1, 0))}, {"box": ((0, 0, 0), (1, 1, float("nan")))}, {"lights": 0}, {"zone": 3},
-        {"coefficients": -1.0}, {"patches": 0}, {"codes": "nibbles"}, {"merge": "max"}, {"w1": float("inf")},
+        {"coefficients": -1.0}, {"modes": 0}, {"codes": "nibbles"}, {"merge": "max"}, {"w1": float("inf")},
         {"gather_rays": 1000}, {"radius": -1.0}, {"memory": 1000}, {"lights": 10**6},
     ):  # fmt: skip
         with pytest.raises(InputError):

@@ -18,7 +18,8 @@ from prelight.rays.mitsuba import Occluders
 from prelight.rays.surfaces import SurfaceScene
 from prelight.relighting.exitant import CELLS, Exitant, frames, on_cells
 from prelight.scene.geometry import Scene
-from prelight.transport.exitant import NONE, glossy_rows, lobes_of
+from prelight.transport.exitant import glossy_rows, lobes_of
+from prelight.transport.seen_cells import NONE
 
 from .glossy_surfaces import GOLD, LACQUER, PHONG, made_of, opened, part_of, phong_values
 from .rooms import room

@@ -13,6 +13,7 @@ from prelight.baking.portals import bake_planned, bake_portals
 from prelight.baking.portals_plan import plan_portals
 from prelight.baking.portals_room import PortalsRoom
 from prelight.baking.portals_settings import PortalsSettings
+from prelight.bases.harmonic_cells import spectrum_of
 from prelight.errors import InputError, InterruptedBakeError
 from prelight.lighting.environment import Environment
 from prelight.lighting.glass import Glass
@@ -271,6 +272,11 @@ def test_the_order_is_chosen_for_an_accuracy(tmp_path) -> None:
     assert np.allclose(high.layer.energy[:, : same.shape[1]], same, rtol=2e-2), (
         "a higher order goes on from a lower"
     )
+    # A sky that is nearly even wants less.
+    mild = spectrum_of(Environment.stock("overcast").cube(32), 12)
+    assert mild[0] > 2 * sum(mild[1:])
+    even = portals_of(two_windows(), tmp_path / "c.prelight", order=8, accuracy=0.97, spectrum=mild)
+    assert even.layer.order < high.layer.order
 
 
 def test_many_portals_have_modes_of_their_own(tmp_path) -> None:

@@ -73,6 +73,10 @@ ARRAYS = {
         "one less": lambda v: v[1:],
     },
     "data": {"one less": lambda v: v[1:], "signed": lambda v: v.view(np.int8), "two axes": lambda v: v[None]},
+    "openings/corners": {"no number": lambda v: changed(v, (0, 0, 0), np.nan), "one less": lambda v: v[1:]},
+    "openings/pane_of": {"outside": lambda v: changed(v, 0, 9), "negative": lambda v: changed(v, 0, -1)},
+    "openings/origins": {"huge": lambda v: changed(v, (0, 0), 1e30), "one more": lambda v: np.append(v, v[:1], axis=0)},
+    "openings/glass_triangles": {"outside": lambda v: changed(v, 0, 10**6), "wide": lambda v: v.astype(np.int64)},
     "glass": {
         "outside": lambda v: changed(v, -1, 10**6), "negative": lambda v: changed(v, 0, -1),
         "one less": lambda v: v[1:],

@@ -17,6 +17,7 @@ from prelight.baking.steerable import bake_steerable
 from prelight.baking.steerable_foreign import bake_from_images, lights_list, picture_name
 from prelight.baking.steerable_settings import BakedLamp, SteerableSettings
 from prelight.bases.steering import SpotBasis
+from prelight.cli.meant_lights import said_of_lights
 from prelight.encoding import principal_components
 from prelight.encoding.principal_components import Keep
 from prelight.errors import DamagedBakeError, InputError, InterruptedBakeError
@@ -189,7 +190,7 @@ def test_commands(prelight: Any, tmp_path: Path) -> None:
     assert said.code == 0
     assert "components" in said.out
     assert "a spot at 0.5, 0.78, 0.46" in said.out
-    assert "left out" in said.out  # light through glass, seen in the mirror
+    assert "left out" not in said.out  # not even light through glass, seen in the mirror
     rig.write_text("[[disc]]\ndirection=[0,1,0]\nradius_deg=3\nradiance=[1,1,1]\n")
     assert prelight("relight", target, rig).code == 2
 
@@ -342,3 +343,19 @@ def test_the_format_is_specified(bake: Bake, deep: Bake) -> None:
     listed = set(re.findall(r"^    (\w+)/ .*zarr\.json", text.split("layers/NAME/")[1], re.M))
     there = {name.split("/")[2] for one in (bake, deep) for name in one.manifest.arrays if name[0] == "l"}
     assert there | {"deep_places"} == listed  # of panels: test_steerable_hybrids
+
+
+def test_how_well_lights_will_be_held_is_told_before_the_bake(tmp_path: Path) -> None:
+    lamps = [BakedLamp("key", SteeredSpot((0.5, 0.8, 0.5), 5))]
+    rig = tmp_path / "rig.toml"
+    light = "[[spot]]\nintensity = [3, 3, 3]\ntarget = [0, 0, 0]\n"
+    rig.write_text(f"{light}width_deg = 30\n{light}width_deg = 90\n")
+    narrow, wide = said_of_lights(rig, lamps)
+    assert "approximated by degree 5: 41 % RMS" in narrow
+    assert "held to 3 %" in wide
+    rig.write_text(f'{light}layer = "fill"\n')
+    with pytest.raises(InputError, match="light 1 is for layer 'fill'; this bake will have key"):
+        said_of_lights(rig, lamps)
+    rig.write_text("[environment]\nmap = 'stock:overcast'\n")
+    with pytest.raises(InputError, match=r"no \[\[spot\]\] and no \[\[panel\]\]"):
+        said_of_lights(rig, lamps)

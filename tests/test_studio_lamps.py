@@ -186,13 +186,13 @@ def test_looks_side_by_side_and_cross_faded(visit):
     now = linear(visit)
     page.get_by_role("button", name="Compare with Grey day").click()
     page.get_by_role("slider", name="Where the other look begins").wait_for(state="attached")
-    visit.page.wait_for_timeout(600)
+    visit.until("__prelight.metrics.sides")
     both = linear(visit)
     half = WIDTH // 2
     assert np.abs(both[:, : half - 3] - now[:, : half - 3]).mean() < 0.003
     assert np.abs(both[:, half + 3 :] - first[:, half + 3 :]).mean() < 0.003
     page.get_by_role("radio", name="Cross-fade").click()
-    visit.slide("Looks", "Other look", 25)
+    visit.slide("Looks", "Right side", 25)
     assert np.abs(linear(visit) - (0.75 * now + 0.25 * first)).mean() < 0.005
     page.get_by_role("button", name="Done").click()
     assert np.abs(linear(visit) - now).mean() < 0.003

@@ -16,9 +16,8 @@ from prelight.studio.protocol import (
     ClientMessage,
     Compare,
     Hello,
-    LampLight,
+    LookFrom,
     OpenRig,
-    PortalGlass,
     Redo,
     RemoveDisc,
     RemoveLamp,
@@ -30,10 +29,14 @@ from prelight.studio.protocol import (
     SetGlass,
     SetLamp,
     SetSun,
+    SetTimeline,
+    SetWorld,
     ShowLook,
-    Sun,
+    StopTrace,
+    Trace,
     Undo,
 )
+from prelight.studio.protocol_values import LampLight, LookKey, PortalGlass, Sun
 from prelight.studio.wire import decode, encode
 
 MESSAGES = [
@@ -48,7 +51,10 @@ MESSAGES = [
                       0.0, 40.0, (0.5, 0.5))),
     RemoveLamp("l"),
     SetGlass(PortalGlass("rose", "frosted", None, 20.0, 0.5)),
-    Undo(), Redo(), SaveLook("One"), ShowLook("One"), RemoveLook("One"), Compare("One"), OpenRig("[environment]"),
+    Undo(), Redo(), SaveLook("One"), ShowLook("One"), RemoveLook("One"), Compare("One"), Compare(None),
+    OpenRig("[environment]"),
+    SetWorld("drive.toml", 2.5, dragging=True), SetWorld(None), SetTimeline((LookKey(0.0, "One"), LookKey(2.5, "Two"))),
+    LookFrom((0.0, 1.5, -2.0)), Trace((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 35.0, 640, 360), StopTrace(),
 ]  # fmt: skip
 
 

@@ -21,9 +21,7 @@ from prelight.studio.kinds import takes_of
 from prelight.studio.light import Light
 from prelight.studio.placed import placed_light
 from prelight.studio.protocol import (
-    LampLight,
     OpenRig,
-    PortalGlass,
     Redo,
     RemoveLamp,
     RemoveLook,
@@ -37,6 +35,7 @@ from prelight.studio.protocol import (
     State,
     Undo,
 )
+from prelight.studio.protocol_values import LampLight, PortalGlass
 from prelight.studio.rig_toml import opened_rig, rig_text
 from prelight.studio.whole_light import WholeLight, lighting_of
 

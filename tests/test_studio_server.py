@@ -286,7 +286,7 @@ def test_what_nobody_has_room_for_is_not_computed(shared: LiveStudio) -> None:
             page.message("State")
             time.sleep(0.01)
         assert len(page.frames) == 2
-        assert shared.studio._hub._session._number - page.frames[-1][0].frame <= 1
+        assert shared.studio._showing._hub._session._number - page.frames[-1][0].frame <= 1
         page.acknowledges = True
         page.send(Seen(page.frames[-1][0].frame))
         page.exact(start + 20)
@@ -295,7 +295,7 @@ def test_what_nobody_has_room_for_is_not_computed(shared: LiveStudio) -> None:
 
 
 def test_a_page_that_goes_leaves_nothing(shared: LiveStudio) -> None:
-    loop = shared.studio._hub._loop
+    loop = shared.studio._showing._hub._loop
     before, descriptors = len(asyncio.all_tasks(loop)), _descriptors()
     for k in range(20):
         page = shared.page(acknowledges=k % 2 == 0)
@@ -304,9 +304,11 @@ def test_a_page_that_goes_leaves_nothing(shared: LiveStudio) -> None:
             page.socket.socket.shutdown(socket.SHUT_RDWR)  # without a word
         page.close()
     ends = time.monotonic() + 5
-    while (shared.studio._hub._visitors or len(asyncio.all_tasks(loop)) > before) and time.monotonic() < ends:
+    while (
+        shared.studio._showing._hub._visitors or len(asyncio.all_tasks(loop)) > before
+    ) and time.monotonic() < ends:
         time.sleep(0.05)
-    assert not shared.studio._hub._visitors
+    assert not shared.studio._showing._hub._visitors
     assert len(asyncio.all_tasks(loop)) <= before
     assert _descriptors() <= descriptors + 2
 

@@ -36,6 +36,7 @@ class Looked:
     scene: Scene
     glossy: int
     eyes: list[pl.Camera]
+    openings: np.ndarray | None = None  # (K, 3, 3) of a room: where the reference looks for light
 
 
 def under_a_sky(data: Path, kind: str, *, detail: float) -> Looked:
@@ -62,7 +63,9 @@ def in_a_room(data: Path, kind: str, *, detail: float) -> Looked:
     made = replace(
         scene, materials=tuple(materials), albedo=albedo, tint=None if scene.tint is None else tint
     )
-    return Looked(made, m, _around(scene.positions[on], distance=1.9, up=0.25))
+    (z0, z1), (y0, y1) = rooms.WINDOW
+    window = [[-rooms.HALF_WIDTH - rooms.WALL, y0, z0], [0, y1 - y0, 0], [0, 0, z1 - z0]]
+    return Looked(made, m, _around(scene.positions[on], distance=1.9, up=0.25), np.array([window]))
 
 
 def ball_on_floor(rings: int) -> tuple[Scene, np.ndarray]:

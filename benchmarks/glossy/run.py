@@ -13,7 +13,7 @@ import accuracy
 from prelight.cli.doctor import _llvm, _machine
 
 PARTS = accuracy.PARTS
-KEPT = ("detail", "side", "samples", "order", "resolution", "tolerance")
+KEPT = ("detail", "side", "samples", "pixels", "order", "resolution", "tolerance")
 
 
 def main() -> None:
@@ -24,7 +24,8 @@ def main() -> None:
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
     parser.add_argument("--detail", type=float, default=0.5, help="1 for the bunny and the full room")
     parser.add_argument("--side", type=int, default=72, help="pixels of a picture's side")
-    parser.add_argument("--samples", type=int, default=4608, help="of the path tracer, a pixel")
+    parser.add_argument("--samples", type=int, default=18432, help="of the path tracer, a pixel")
+    parser.add_argument("--pixels", type=int, default=160, help="of the object that are compared, by chance")
     parser.add_argument("--order", type=int, default=8, help="of the harmonics")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of the clusters")
     parser.add_argument("--resolution", type=int, default=64, help="R of the environment")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from prelight.lighting.placed_lights import Lamp
 from prelight.lighting.spot import Spot
 from prelight.rays.mitsuba import Occluders
 from prelight.rays.segments import PlainSegments
+from prelight.rays.surfaces import SurfaceScene
 from prelight.relighting.cloud import CloudRelighter
 from prelight.scene.geometry import Scene
 from prelight.transport.bounces import bounced
@@ -23,7 +23,7 @@ from prelight.transport.path_traced_light import LitScene, as_diffuse
 
 LAMPS, SEED = 50, 50
 CLEAR = 0.02  # of the box's sides, from its walls
-TRACED_LAMPS, RECEIVERS, SAMPLES = 8, 400, 1024
+RECEIVERS, SAMPLES = 256, 1024
 
 
 def point(at: np.ndarray) -> Lamp:
@@ -87,7 +87,7 @@ def spread(values: list[float]) -> dict[str, float]:
 
 
 def errors(light: CloudRelighter, truth: Truth, places: np.ndarray) -> dict[str, Any]:
-    """Indirect and whole light of lamps, and the milliseconds of each move."""
+    """Indirect and whole light of lamps, near surfaces and away from them, and the milliseconds of each move."""
     direct, indirect = truth.light(places)
     of_indirect, of_all, took = [], [], []
     for k, at in enumerate(places):
@@ -95,31 +95,95 @@ def errors(light: CloudRelighter, truth: Truth, places: np.ndarray) -> dict[str,
         took.append(light.last.milliseconds)
         of_indirect.append(off(light.indirect, indirect[:, k], truth.areas))
         of_all.append(off(light.irradiance, direct[:, k] + indirect[:, k], truth.areas))
-    return {
-        "indirect": spread(of_indirect), "all": spread(of_all),
-        "relights_per_second": 1e3 / float(np.median(took[5:])),
-    }  # fmt: skip
+    step = (
+        float(getattr(light.layer, "parameters", {}).get("step") or 0.0) if hasattr(light, "layer") else 0.0
+    )
+    found: dict[str, Any] = {"indirect": spread(of_indirect), "all": spread(of_all)}
+    gaps = np.array([np.sqrt(((truth.scene.positions - at) ** 2).sum(axis=1).min()) for at in places])
+    for name, chosen in (("near", gaps < 0.5 * step), ("away", gaps >= 0.5 * step)):
+        if chosen.any() and step:
+            own = [e for e, is_own in zip(of_indirect, chosen, strict=True) if is_own]
+            found[f"indirect_{name}"] = {"lamps": len(own), **spread(own)}
+    return found | {"milliseconds": float(np.median(took[5:]))}
+
+
+def columns_lost(light: CloudRelighter, truth: Truth, chosen: np.ndarray) -> dict[str, Any]:
+    """Lamps at the places of some of the grid's lights: what is left of their own light is lost by compression.
+
+    Irradiance, and radiance: times the albedo.
+    """
+    _, indirect = truth.light(light.layer.grid[chosen])
+    albedo, lost, shown = truth.scene.albedo, [], []
+    for k, light_of_grid in enumerate(chosen):
+        light.shine([point(light.layer.grid[light_of_grid])])
+        lost.append(off(light.indirect, indirect[:, k], truth.areas))
+        shown.append(off(albedo * light.indirect, albedo * indirect[:, k], truth.areas))
+    return {"lights": len(chosen), "irradiance": spread(lost), "radiance": spread(shown),
+            "coefficients": light.bake.layers[light.name].statistics["coefficients_a_vertex"]}  # fmt: skip
 
 
 def against_paths(
     light: CloudRelighter, scene: Scene, places: np.ndarray, areas: np.ndarray
 ) -> dict[str, Any]:
-    """The whole light of some lamps at some vertices, beside Mitsuba's path tracer."""
+    """The whole light of lamps at some vertices, beside Mitsuba's path tracer; its own noise is taken off."""
     chance = np.random.default_rng(1)
     chosen = np.sort(chance.choice(len(scene.positions), min(RECEIVERS, len(scene.positions)), replace=False))
     chosen = chosen.astype(np.int32)
-    found, seconds = [], 0.0
-    for at in places[:TRACED_LAMPS]:
-        began = time.perf_counter()
-        lit = LitScene(as_diffuse(scene), lamps=spheres(at[None]))
-        true = lit.light(chosen, origins=light.layer.origins, samples=SAMPLES).total
-        seconds += time.perf_counter() - began
+    plain, found, ours_at = as_diffuse(scene), {"all": [], "indirect": []}, []
+    surfaces, a = SurfaceScene(plain), areas[chosen].astype(np.float64)[:, None]
+    began = time.perf_counter()
+    for at in places:
+        lit = LitScene(plain, lamps=spheres(at[None]), surfaces=surfaces)
+        true = lit.light(chosen, origins=light.layer.origins, samples=SAMPLES)
+        moved = time.perf_counter()
         light.shine([point(at)])
-        found.append(off(light.irradiance[chosen], true, areas[chosen]))
-    return {"all": spread(found), "reference_seconds": seconds, "samples": SAMPLES, "receivers": len(chosen)}
+        ours_at.append(time.perf_counter() - moved)
+        for name, ours, known, variance in (
+            ("all", light.irradiance, true.total, true.total_variance),
+            ("indirect", light.indirect, true.indirect, true.indirect_variance),
+        ):
+            left = (a * (np.square(ours[chosen] - known) - variance)).sum()
+            found[name].append(float(np.sqrt(max(left, 0.0) / max((a * np.square(known)).sum(), 1e-30))))
+    seconds = time.perf_counter() - began - sum(ours_at)
+    return {
+        **{name: spread(values) for name, values in found.items()}, "lamps": len(places),
+        "reference_seconds_a_lamp": seconds / len(places), "samples": SAMPLES, "receivers": len(chosen),
+        "seconds_a_move": float(np.median(ours_at[5:])),
+    }  # fmt: skip
 
 
-def bytes_of(path: Path) -> int:
-    from prelight.storage.bake import Bake
+def steps(light: CloudRelighter, truth: Truth, places: np.ndarray) -> dict[str, Any]:
+    """How much light changes from place to place, beside the reference: its mean change over the surfaces."""
+    direct, indirect = truth.light(places)
+    a, worst = truth.areas / truth.areas.sum(), {}
+    kept = {"all": [], "indirect": []}
+    for at in places:
+        light.shine([point(at)])
+        kept["all"].append(light.irradiance.mean(axis=1))
+        kept["indirect"].append(light.indirect.mean(axis=1))
+    for name, real in (("all", direct + indirect), ("indirect", indirect)):
+        known = real.mean(axis=2).T
+        ours, true = (np.abs(np.diff(x, axis=0)) @ a for x in (np.array(kept[name]), known))
+        allowed = 2 * true + 0.01 * float(known.mean(axis=0) @ a)
+        worst[name] = float((ours / allowed).max())
+    return {"worst_share_of_what_is_allowed": worst, "steps": len(places) - 1}
 
-    return Bake.open(path).manifest.bytes_of("layers/cloud/")
+
+def leaks(light: CloudRelighter, truth: Truth, places: np.ndarray) -> dict[str, Any]:
+    """Vertices that a lamp does not see: their mean light, as a share of the reference's there.
+
+    Where the reference has less there than a thousandth of its mean everywhere, the share is of that.
+    """
+    direct, indirect = truth.light(places)
+    shares, signed = [], []
+    for k, at in enumerate(places):
+        light.shine([point(at)])
+        behind = direct[:, k, 0] == 0
+        a = truth.areas[behind] / truth.areas[behind].sum()
+        there = float(a @ indirect[behind, k].mean(axis=1))
+        ours = float(a @ light.irradiance[behind].mean(axis=1))
+        least = 1e-3 * float((direct[:, k] + indirect[:, k]).mean())
+        signed.append(float((ours - there) / max(there, least)))
+        shares.append(signed[-1] <= 0.01)
+    return {"lamps": len(places), "within_a_hundredth": int(sum(shares)), "excess": spread(signed),
+            "least": min(signed)}  # fmt: skip

@@ -11,187 +11,166 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import figures
 import measuring
 import numpy as np
 
-from prelight.baking.cloud import bake_cloud
-from prelight.baking.cloud_plan import CloudGround
-from prelight.baking.cloud_settings import CloudSettings
 from prelight.cli.doctor import _llvm, _machine
-from prelight.encoding.clustered_pca import clustered_components
 from prelight.relighting.cloud import CloudRelighter
-from prelight.relighting.cloud_figure import cloud_figure
-from prelight.scene.geometry import Scene
-from prelight.scene.loading import load_scene
+from scenes import SCENES, areas_of, baked, row_of, scene_of
 
-RAYS = 1024
-MAZE_BOX = ((0.0, 0.0, 0.0), (4.3, 0.9, 4.3))
+COUNTS = (0, 2, 4, 8, 16, 32)
+GROWTH = (64, 256, 1024, 4096)
 
 
-def _sponza(data: Path) -> Scene:
-    return load_scene(str(next((data / "sponza").glob("sponza*.obj"))), subdivide=0.55)
+def row(name: str, kind: str, data: Path, work: Path) -> dict[str, Any]:
+    """A row of Table 1, baked: a scene in kind, by the paper's settings or ours."""
+    scene = scene_of(name, data)
+    bake, seconds = baked(name, scene, work, kind)
+    return {"bake_seconds": seconds, **row_of(bake, scene)}
 
 
-# The scene, and what of the settings is its own: lights as many as in the paper's Table 1.
-SCENES: dict[str, tuple[Callable[[Path], Scene], dict[str, Any]]] = {
-    "cornell": (lambda _: load_scene("stock:cornell"), {"lights": 216, "box": ((-0.5, 0.03, -0.5), (0.5, 1.03, 0.6))}),
-    "window": (
-        lambda _: load_scene("stock:pierced-box"), {"lights": 250, "box": ((-1.0, 0.05, -0.6), (0.55, 1.1, 0.6))}
-    ),
-    "maze": (lambda _: load_scene("stock:maze"), {"lights": 1024, "box": MAZE_BOX}),
-    "sponza": (_sponza, {"lights": 384}),
-}  # fmt: skip
+def lamps(name: str, data: Path, work: Path) -> dict[str, Any]:
+    """Fifty lamps between the lights, both interpolations, against the same operator solved for each lamp."""
+    scene = scene_of(name, data)
+    ours, paper = (baked(name, scene, work, kind)[0] for kind in ("ours", "paper"))
+    light = CloudRelighter(ours)
+    truth = measuring.Truth.of(
+        scene, light.layer, int(light.layer.parameters["gather_rays"]), areas_of(scene)
+    )
+    places = measuring.between(scene, light.layer)
+    return {
+        "ours": measuring.errors(light, truth, places),
+        "kernel_on_ours": measuring.errors(CloudRelighter(ours, interpolation="kernel"), truth, places),
+        "paper": measuring.errors(CloudRelighter(paper), truth, places),
+    }
 
 
-def of_scene(name: str, data: Path, work: Path) -> dict[str, Any]:
-    """A scene of the paper in kind: its row of Table 1, errors of fifty lamps with both interpolations."""
-    load, own = SCENES[name]
-    scene = load(data)
-    figures: dict[str, Any] = {"vertices": len(scene.positions), "triangles": len(scene.triangles)}
-    areas = CloudGround(scene).areas
-    truth = None
-    for kind, more in (("paper", {"patches": 0, "interpolation": "kernel"}), ("ours", {})):
-        path = work / f"{name}-{kind}.prelight"
-        began = time.perf_counter()
-        bake = bake_cloud(scene, path, settings=CloudSettings(gather_rays=RAYS, **own, **more), force=True)
-        seconds = time.perf_counter() - began
-        light = CloudRelighter(bake)
-        if truth is None:
-            truth = measuring.Truth.of(scene, light.layer, RAYS, areas)
-        places = measuring.between(scene, light.layer)
-        layer = bake.layers["cloud"]
-        figures[kind] = {
-            "bake_seconds": seconds, "bytes": measuring.bytes_of(path), "lights": layer.basis_lights,
-            "parameters": layer.parameters, "statistics": layer.statistics,
-            **measuring.errors(light, truth, places),
-        }  # fmt: skip
-        if kind == "ours":
-            figures["against_paths"] = measuring.against_paths(light, scene, places, areas)
-            middle = len(light.layer.zone_rows) // 2
-            cloud_figure(path, work / f"{name}-lights.png", zone=middle, force=True)
-    return figures
+def paths(name: str, data: Path, work: Path) -> dict[str, Any]:
+    """The whole light of fifty lamps beside Mitsuba's path tracer, and what its picture of one lamp takes."""
+    scene = scene_of(name, data)
+    light = CloudRelighter(baked(name, scene, work)[0])
+    return measuring.against_paths(light, scene, measuring.between(scene, light.layer), areas_of(scene))
+
+
+def grid_columns(name: str, data: Path, work: Path) -> dict[str, Any]:
+    """What components lose of the grid's own lights: indirect light against uncompressed, at 16 coefficients."""
+    scene = scene_of(name, data)
+    light = CloudRelighter(baked(name, scene, work)[0])
+    truth = measuring.Truth.of(
+        scene, light.layer, int(light.layer.parameters["gather_rays"]), areas_of(scene)
+    )
+    chosen = np.random.default_rng(3).permutation(len(light.layer.grid))[:64]
+    return measuring.columns_lost(light, truth, np.sort(chosen))
 
 
 def coefficients(data: Path, work: Path) -> dict[str, Any]:
-    """Figure 8: indirect light against uncompressed, by coefficients a vertex."""
-    del data
-    scene, found = load_scene("stock:cornell-small"), {}
-    for count in (0, 2, 4, 8, 16, 32):
-        settings = CloudSettings(gather_rays=RAYS, coefficients=count, **SCENES["cornell"][1])
-        bake = bake_cloud(scene, work / f"cornell-{count}.prelight", settings=settings, force=True)
+    """Figure 8: indirect light against uncompressed, by coefficients a vertex; a curve and pictures."""
+    scene, found = scene_of("cornell-small", data), {}
+    for count in COUNTS:
+        bake, _ = baked("cornell-small", scene, work, coefficients=count)
         found[count] = bake.layers["cloud"].statistics["components_error"]
+    figures.of_coefficients(scene, work, COUNTS)
     return {"components_error": found}
 
 
 def falloff(data: Path, work: Path) -> dict[str, Any]:
     """Figure 5: how much of direct and of indirect light each component of the back wall accounts for."""
-    del data, work
-    scene = load_scene("stock:cornell-small")
-    ground = CloudGround(scene)
-    from prelight.baking.cloud_grid import light_grid
-    from prelight.transport.gathering import Gathering
-
-    grid = light_grid(scene, ground.segments, lights=216, box=SCENES["cornell"][1]["box"])
-    gathering = Gathering.trace(scene, ground.occluders, origins=ground.origins, rays=RAYS)
-    truth = measuring.Truth(scene, gathering, ground.occluders, ground.origins, ground.areas)
+    scene = scene_of("cornell-small", data)
+    light = CloudRelighter(baked("cornell-small", scene, work)[0])
+    truth = measuring.Truth.of(scene, light.layer, 1024, light.layer.areas)
     wall = np.flatnonzero((scene.normals[:, 2] > 0.99) & (scene.positions[:, 2] < -0.45))
     found = {}
-    for part, light in zip(("direct", "indirect"), truth.light(grid.positions), strict=True):
-        values = np.linalg.svd(light[wall, :, 0] - light[wall, :, 0].mean(axis=0), compute_uv=False) ** 2
-        found[part] = (values.cumsum() / values.sum())[:32].tolist()
-        X = np.ascontiguousarray(light[wall].transpose(2, 0, 1))
-        kept = clustered_components(X, clusters=4, mean_components=16)
-        lost = sum(float(np.square(c.approximation(k) - X[k][c.rows]).sum()) for c in kept for k in range(3))
-        found[f"{part}_left_over_at_16"] = float(np.sqrt(lost / np.square(X).sum()))
+    for part, values in zip(("direct", "indirect"), truth.light(light.layer.grid), strict=True):
+        own = values[wall, :, 0]
+        squares = np.linalg.svd(own - own.mean(axis=0), compute_uv=False) ** 2
+        found[part] = (squares.cumsum() / squares.sum())[:32].tolist()
+    figures.falloff(found)
     return found
 
 
-def growth(data: Path, work: Path) -> dict[str, Any]:
-    """Bytes, update and bake from 64 to 4,096 lights."""
-    del data
-    scene, rows = load_scene("stock:room-small"), []
-    for count in (64, 256, 1024, 4096):
-        settings = CloudSettings(lights=count, gather_rays=RAYS, box=((-2.1, 0, -2.4), (2.1, 2.7, 2.4)))
+def growth(count: int, data: Path, work: Path) -> dict[str, Any]:
+    """Bytes, update and bake at one number of lights of the four that are drawn."""
+    scene = scene_of("room-small", data)
+    bake, seconds = baked("room-small", scene, work, lights=count)
+    light, took = CloudRelighter(bake), []
+    for at in measuring.between(scene, light.layer, 30):
+        light.shine([measuring.point(at)])
+        took.append(light.last.milliseconds)
+    direct = []
+    for at in measuring.between(scene, light.layer, 20, seed=9):
         began = time.perf_counter()
-        path = work / "growth.prelight"
-        bake = bake_cloud(scene, path, settings=settings, force=True)
-        seconds = time.perf_counter() - began
-        light, took = CloudRelighter(bake), []
-        for at in measuring.between(scene, light.layer, 30):
-            light.shine([measuring.point(at)])
-            took.append(light.last.milliseconds)
-        told = bake.layers["cloud"].statistics
-        rows.append(
-            {"lights": count, "groups": told["groups"], "bytes": measuring.bytes_of(path), "bake_seconds": seconds,
-             "milliseconds": float(np.median(took[5:])), "error": told["error"]}
-        )  # fmt: skip
-    return {"rows": rows}
+        light._placed.of(measuring.point(at))
+        direct.append((time.perf_counter() - began) * 1e3)
+    return {
+        "bake_seconds": seconds, "milliseconds": float(np.median(took[5:])),
+        "of_which_direct": float(np.median(direct[5:])), **row_of(bake, scene),
+    }  # fmt: skip
 
 
 def hole(data: Path, work: Path) -> dict[str, Any]:
     """A lamp through the hole of the box, centimetre by centimetre: its steps beside the reference's."""
-    del data
-    scene = load_scene("stock:pierced-box-small")
-    settings = CloudSettings(gather_rays=RAYS, **SCENES["window"][1])
-    light = CloudRelighter(bake_cloud(scene, work / "hole.prelight", settings=settings, force=True))
-    truth = measuring.Truth.of(scene, light.layer, RAYS, light.layer.areas)
+    scene = scene_of("window-small", data)
+    light = CloudRelighter(baked("window-small", scene, work)[0])
+    truth = measuring.Truth.of(scene, light.layer, 1024, light.layer.areas)
     places = np.array([(x, 0.61, -0.04) for x in np.arange(-0.8, -0.2, 0.01)])
-    direct, indirect = truth.light(places)
-    ours = []
-    for at in places:
-        light.shine([measuring.point(at)])
-        ours.append(light.irradiance.mean(axis=1))
-    real = (direct + indirect).mean(axis=2).T
-    a = truth.areas / truth.areas.sum()
-    steps, true = (np.abs(np.diff(x, axis=0)) @ a for x in (np.array(ours), real))
-    allowed = 2 * true + 0.01 * float(real.mean(axis=0) @ a)
-    return {"worst_share_of_what_is_allowed": float((steps / allowed).max()), "steps": len(steps)}
+    return measuring.steps(light, truth, places)
 
 
-def transfer(data: Path, work: Path) -> dict[str, Any]:
+def leak(data: Path, work: Path) -> dict[str, Any]:
+    """Lamps beside a wall of the maze: what lights its other side, beside the reference."""
+    scene = scene_of("maze-small", data)
+    light = CloudRelighter(baked("maze-small", scene, work)[0])
+    truth = measuring.Truth.of(scene, light.layer, 1024, light.layer.areas)
+    return measuring.leaks(light, truth, measuring.between(scene, light.layer))
+
+
+def transfer(name: str, data: Path, work: Path) -> dict[str, Any]:
     """Beside a transfer layer of the same scene: error, bytes, bake and update."""
-    del data
     from prelight.baking.transfer import bake_transfer
     from prelight.relighting.transfer import TransferRelighter
 
-    found: dict[str, Any] = {}
-    for name in ("stock:room-small", "stock:maze-small"):
-        scene = load_scene(name)
-        box = MAZE_BOX if "maze" in name else ((-2.1, 0, -2.4), (2.1, 2.7, 2.4))
-        began = time.perf_counter()
-        bake = bake_cloud(
-            scene, work / "beside.prelight", settings=CloudSettings(lights=1000, gather_rays=RAYS, box=box), force=True
-        )  # fmt: skip
-        seconds = time.perf_counter() - began
-        cloud = CloudRelighter(bake)
-        truth = measuring.Truth.of(scene, cloud.layer, RAYS, cloud.layer.areas)
-        places = measuring.between(scene, cloud.layer)
-        rows = {"cloud": {"bake_seconds": seconds, "bytes": measuring.bytes_of(work / "beside.prelight"),
-                          **measuring.errors(cloud, truth, places)}}  # fmt: skip
-        began = time.perf_counter()
-        other = bake_transfer(scene, work / "transfer.prelight", force=True)
-        seconds = time.perf_counter() - began
-        rows["transfer"] = {
-            "bake_seconds": seconds, "bytes": other.manifest.bytes_of("layers/transfer/"),
-            **measuring.errors(TransferRelighter(other), truth, places),  # ty: ignore[invalid-argument-type]
-        }  # fmt: skip
-        found[name] = rows
+    scene = scene_of(name, data)
+    bake, seconds = baked(name, scene, work)
+    cloud = CloudRelighter(bake)
+    truth = measuring.Truth.of(scene, cloud.layer, 1024, cloud.layer.areas)
+    places = measuring.between(scene, cloud.layer)
+    found: dict[str, Any] = {"cloud": {"bake_seconds": seconds, "bytes": bake.manifest.bytes_of("layers/cloud/"),
+                                       **measuring.errors(cloud, truth, places)}}  # fmt: skip
+    began = time.perf_counter()
+    other = bake_transfer(scene, work / f"{name}-transfer.prelight", force=True)
+    seconds = time.perf_counter() - began
+    found["transfer"] = {
+        "bake_seconds": seconds, "bytes": other.manifest.bytes_of("layers/transfer/"),
+        **measuring.errors(TransferRelighter(other), truth, places),  # ty: ignore[invalid-argument-type]
+    }  # fmt: skip
     return found
 
 
-PARTS: dict[str, Callable[[Path, Path], dict[str, Any]]] = {
-    **{name: partial(of_scene, name) for name in SCENES},
-    "coefficients": coefficients, "falloff": falloff, "growth": growth, "hole": hole, "transfer": transfer,
-}  # fmt: skip
+def pictures(name: str, data: Path, work: Path) -> dict[str, Any]:
+    """Figures 4, 7, 10 and 11 in kind: direct, indirect and all light, and the lights before and after clustering."""
+    scene = scene_of(name, data)
+    bake, _ = baked(name, scene, work)
+    return {"files": figures.of_scene(name, bake)}
+
+
+BOXES = ("cornell-small", "window-small", "maze-small", "room-small")
+LARGE = ("cornell", "window", "maze", "sponza")
+PARTS: dict[str, Callable[[Path, Path], dict[str, Any]]] = {}
+for _name in (*BOXES, *LARGE):
+    PARTS |= {f"{_name}-{kind}": partial(row, _name, kind) for kind in ("ours", "paper")}
+    PARTS |= {f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths)}
+PARTS |= {"coefficients": coefficients, "falloff": falloff, "hole": hole, "leak": leak}
+PARTS |= {f"growth-{count}": partial(growth, count) for count in GROWTH}
+PARTS |= {f"transfer-{name}": partial(transfer, name) for name in ("room-small", "maze-small")}
+PARTS |= {f"pictures-{name}": partial(pictures, name) for name in SCENES if name != "room-small"}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path, help="folder with sponza/")
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument(
-        "--work", type=Path, required=True, help="where bakes are kept: some hundred megabytes"
-    )
+    parser.add_argument("--work", type=Path, required=True, help="where bakes are kept: some gigabytes")
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
@@ -205,12 +184,12 @@ def main() -> None:
         what = (getattr(part, "func", part).__doc__ or "").splitlines()[0]
         print(f"== {name}: {what}", flush=True)
         started = time.perf_counter()
-        figures = part(options.data, options.work)
+        found = part(options.data, options.work)
         report = {
             "what": what,
             "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
             "seconds_in_all": round(time.perf_counter() - started, 1),
-            "figures": figures,
+            "figures": found,
         }
         text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
         print(text, flush=True)

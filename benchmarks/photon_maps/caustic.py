@@ -70,7 +70,7 @@ def glass_ball(work: Path, *, small: bool = False) -> dict[str, Any]:
         "receivers_in_the_caustic": len(chosen), "brightest_over_direct": _over_direct(bright.max()),
         "said_noise": float(np.sqrt((found.noise[chosen, 0, 0] ** 2).mean()) / ours.mean()),
     }  # fmt: skip
-    return figures | _against(ours, mean, variance) | {"by_neighbours": _by_neighbours(photons, chosen, mean)}
+    return figures | against(ours, mean, variance) | {"by_neighbours": _by_neighbours(photons, chosen, mean)}
 
 
 def _over_direct(brightest: float) -> float:
@@ -103,7 +103,7 @@ def _reference(
     return mean, variance
 
 
-def _against(ours: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> dict[str, float]:
+def against(ours: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> dict[str, float]:
     return {
         "mean_difference": float(np.abs(ours - mean).mean() / mean.mean()),
         "of_which_noise_of_the_reference": float(np.sqrt(2 / np.pi * variance).mean() / mean.mean()),
@@ -152,7 +152,7 @@ def sky_layer(work: Path, *, small: bool = False) -> dict[str, Any]:
                 1 << (11 if small else 15),
             )
             ours = light.irradiance[chosen].mean(axis=1).astype(np.float64)
-            part[sky] = _against(ours, mean, variance)
+            part[sky] = against(ours, mean, variance)
         figures[name] = part
     return figures
 

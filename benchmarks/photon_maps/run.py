@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import caustic
+import in_layers
 import in_rooms
 
 from prelight.cli.doctor import _llvm, _machine
@@ -18,6 +19,8 @@ PARTS = {
     "room": in_rooms.both_ways,
     "portal": in_rooms.portal,
     "sky": caustic.sky_layer,
+    "portals": in_layers.portals,
+    "cloud": in_layers.cloud,
 }
 
 

@@ -15,6 +15,7 @@ from prelight.baking.portals_settings import PortalsSettings
 from prelight.lighting.environment import Environment
 from prelight.relighting.portals import PortalsRelighter
 from prelight.scene.geometry import Scene
+from prelight.storage.bake import Bake
 from prelight.transport.path_traced_light import LitScene, as_diffuse
 
 RECEIVERS, SAMPLES = 1000, 4096
@@ -22,9 +23,12 @@ TURNS = 24
 
 
 def baked(
-    scene: Scene, path: Path, settings: PortalsSettings
+    scene: Scene, path: Path, settings: PortalsSettings, *, keep: bool = False
 ) -> tuple[PortalsRelighter, PortalsRoom, dict[str, Any]]:
-    """The layer, its room, and the paper's figures: minutes and megabytes of direct and of bounced light."""
+    """The layer, its room, and the paper's figures: minutes and megabytes of direct and of bounced light.
+
+    What is there already is used again if ``keep``; its seconds are then 0.
+    """
     plan = plan_portals(scene, settings)
     began, halves = time.perf_counter(), [0.0]
 
@@ -32,7 +36,9 @@ def baked(
         if not halves[0] and share >= (0.5 if settings.bounces != 0 else 1.0):
             halves[0] = time.perf_counter() - began
 
-    bake = bake_planned(path, plan=plan, force=True, report=tell)
+    there, partial = keep and path.exists(), path.with_name(path.name + ".partial").exists()
+    begun = {"resume": True} if keep and partial else {"force": True}
+    bake = Bake.open(path) if there else bake_planned(path, plan=plan, **begun, report=tell)
     whole = time.perf_counter() - began
     layer = bake.summary()["layers"][0]
     found = layer["statistics"]

@@ -2,74 +2,46 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
-from datetime import datetime, timedelta, timezone
+import resource
 from pathlib import Path
 from typing import Any
 
+import boxes
+import figures
 import numpy as np
-from measuring import against_path_tracer, baked, chosen_receivers, relights
+import panes
+import refining
+from beside_three_phase import beside as three_phase_beside
+from beside_three_phase import truth as three_phase_truth
+from measuring import baked, relights
+from sibenik_day import sibenik_day
+from sliding import sliding
 
 import rooms
 from prelight.baking.portals_settings import PortalsSettings
-from prelight.bases.harmonic_cells import cell_harmonics
-from prelight.drawing.view import View
 from prelight.encoding.pulse_or_haar import tables_of
-from prelight.lighting.daylight import Daylight
 from prelight.lighting.environment import Environment
-from prelight.lighting.frost import frosted
-from prelight.lighting.glass import Glass
-from prelight.lighting.moment import Site
-from prelight.lighting.rig import Rig
 from prelight.relighting.portals import PortalsRelighter
 from prelight.scene.loading import load_scene
 from prelight.scene.portals import PortalWish
-from prelight.transport.path_traced_light import LitScene, as_diffuse
 
 PAPER = {"gather_rays": 4096, "bounces": 9, "order": 4}
-PICTURES = Path(__file__).parent / "results" / "pictures"
+PICTURES = figures.PICTURES
 SIBENIK = str(rooms.HERE / "sibenik.toml")
 
 
-def _sky(data: Path, name: str = "kloppenheim_05_1k.hdr", turn: float = 90.0) -> Environment:
-    """Turned so that its brightest side stands before the window."""
-    return Environment.open(data / "skies" / name).rotated(turn)
+def _sky(data: Path) -> Environment:
+    return boxes.sky(data, boxes.BEFORE)
 
 
-def _box(
-    data: Path, work: Path, glass: Glass, *, window: float, known=None, factor=(1.0, 1.0, 1.0)
-) -> dict[str, Any]:
-    scene, sky = rooms.box(data, window=window), _sky(data)
-    light, room, figures = baked(scene, work / f"box-{window}.prelight", PortalsSettings(rays=4096, **PAPER))
-    light.light(Rig(sky, portals=(glass,)))
-    cube = sky.cube(light.layer.cube)
-    cube = cube if known is None else known(cube, light)
-    return figures | against_path_tracer(light, room, cube, factor=factor)
+def _against(name: str, words: str):
+    """A part: one of the cases of ``boxes``."""
 
+    def part(data: Path, work: Path) -> dict[str, Any]:
+        return boxes.against_path_tracer(data, work, boxes.CASES[name])
 
-def box_large(data: Path, work: Path) -> dict[str, Any]:
-    """The paper's box with a bunny by a large window (1.5 m), against the path tracer."""
-    return _box(data, work, Glass(), window=rooms.LARGE)
-
-
-def box_small(data: Path, work: Path) -> dict[str, Any]:
-    """The same by a small window (37.5 cm)."""
-    return _box(data, work, Glass(), window=rooms.SMALL)
-
-
-def box_tinted(data: Path, work: Path) -> dict[str, Any]:
-    """The same by a large bluish window."""
-    tint = (0.35, 0.55, 0.95)
-    return _box(data, work, Glass(tint=tint), window=rooms.LARGE, factor=tint)
-
-
-def box_frosted(data: Path, work: Path) -> dict[str, Any]:
-    """The same by a large frosted window (σ = 15°): against the blurred sky."""
-    return _box(
-        data, work, Glass(kind="frosted", frost_deg=15.0), window=rooms.LARGE,
-        known=lambda cube, light: frosted(cube, 15.0, light.layer.outward[0]),
-    )  # fmt: skip
+    part.__doc__ = f"The paper's box with a bunny {words}, against the path tracer."
+    return part
 
 
 def box_table(data: Path, work: Path) -> dict[str, Any]:
@@ -86,11 +58,15 @@ def box_table(data: Path, work: Path) -> dict[str, Any]:
 
 def box_million(data: Path, work: Path) -> dict[str, Any]:
     """The box at 1.1 million triangles (300 MB, 27 fps in the paper)."""
-    scene = rooms.box(data, cells=290)
-    light, _, figures = baked(
-        scene, work / "million.prelight", PortalsSettings(rays=1024, gather_rays=256, suns=False)
+    scene = rooms.box(data, cells=307)
+    settings = PortalsSettings(rays=1024, gather_rays=256, suns=False, memory=6_000_000_000)
+    light, _, figures = baked(scene, work / "million.prelight", settings)
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    return (
+        figures
+        | relights(light, _sky(data))
+        | {"memory_gigabytes": most, "paper": {"megabytes": 300, "fps": 27}}
     )
-    return figures | relights(light, _sky(data)) | {"paper": {"megabytes": 300, "fps": 27}}
 
 
 def sibenik_table(data: Path, work: Path) -> dict[str, Any]:
@@ -117,35 +93,6 @@ def car_table(data: Path, work: Path) -> dict[str, Any]:
     )
 
 
-def sibenik_day(data: Path, work: Path) -> dict[str, Any]:
-    """Sixteen hours of a day in Sibenik at 1,000 receivers, against the path tracer."""
-    scene = rooms.sibenik(data, subdivide=0.8)
-    light, room, figures = baked(
-        scene, work / "day.prelight", PortalsSettings(PortalWish(file=SIBENIK), rays=4096, gather_rays=1024)
-    )
-    # All portals clear: what stained glass does is a factor for each, which the path tracer's holes have not.
-    clear, hours = (Glass("*", tint=(1.0, 1.0, 1.0)),), []
-    light.light(Rig(Environment.constant((1.0, 1.0, 1.0)), portals=clear))
-    chosen = chosen_receivers(room, light).astype(np.int32)
-    for k in range(16):
-        first = datetime(2026, 6, 21, 4, 30, tzinfo=timezone(timedelta(hours=2)))
-        sky = Daylight(Site(43.7, 15.9), first + timedelta(hours=k)).environment()
-        light.light(Rig(sky, portals=clear))
-        truth = LitScene(as_diffuse(room.open), sky=sky.cube(32)).light(
-            chosen, origins=room.origins, samples=1024
-        )
-        mean = float(truth.total.mean())
-        noise = float(np.sqrt(truth.total_variance).mean()) * math.sqrt(2 / math.pi)
-        hours.append(
-            {
-                "difference": float(np.abs(light.irradiance[chosen] - truth.total).mean()) / mean,
-                "noise": noise / mean,
-            }
-        )
-    each = [hour["difference"] for hour in hours]
-    return figures | {"hours": hours, "mean": float(np.mean(each)), "worst": max(each)}
-
-
 def choice(data: Path, work: Path) -> dict[str, Any]:
     """Pulses or Haar: bytes for small and large windows, cubes of 32 and 64, and walls of glass."""
     out: dict[str, Any] = {
@@ -153,8 +100,8 @@ def choice(data: Path, work: Path) -> dict[str, Any]:
     }
     for name, window in (("small", rooms.SMALL), ("large", rooms.LARGE), ("wall", 2.9)):
         for cube in (32, 64):
-            scene = rooms.box(data, window=window, cells=16)
-            settings = PortalsSettings(cube=cube, rays=16384, bounces=0)
+            scene = rooms.box(data, window=window, cells=24, bunny="bun_zipper_res3.ply")
+            settings = PortalsSettings(cube=cube, rays=8192, bounces=0)
             light, _, figures = baked(scene, work / "choice.prelight", settings)
             out[f"{name}-{cube}"] = {
                 "haar_over_pulses": figures["haar_megabytes"] / figures["pulse_megabytes"],
@@ -183,8 +130,8 @@ def orders(data: Path, work: Path) -> dict[str, Any]:
     """Energy of each order (Eqs. 4 and 5) for the large window and for one of a sixteenth of its area."""
     out: dict[str, Any] = {"paper": "90 % by order 5; by order 8 for a sixteenth of the area"}
     for name, window in (("large", rooms.LARGE), ("small", rooms.SMALL)):
-        scene = rooms.box(data, window=window, cells=48, bunny=False)
-        settings = PortalsSettings(order=12, rays=4096, gather_rays=1024, suns=False)
+        scene = rooms.box(data, window=window, cells=40, bunny="")
+        settings = PortalsSettings(order=12, rays=4096, gather_rays=256, suns=False)
         light, _, _ = baked(scene, work / "orders.prelight", settings)
         energy = light.layer.energy[0].astype(np.float64)
         held = np.cumsum(energy, axis=0) / energy.sum(axis=0)
@@ -196,44 +143,30 @@ def orders(data: Path, work: Path) -> dict[str, Any]:
     return out
 
 
-def direct_in_harmonics(data: Path, work: Path) -> dict[str, Any]:
-    """The paper's figure 2: direct light through a small window in harmonics of order 10, beside ours."""
-    scene, sky = rooms.box(data, window=rooms.SMALL), _sky(data)
-    light, room, _ = baked(scene, work / "figure.prelight", PortalsSettings(rays=4096, bounces=0))
-    light.light(Rig(sky))
-    ours, n = light.direct, light.layer.cube
-    means, integrals = cell_harmonics(10, n)
-    blurred = (means @ (integrals.T @ sky.cube(n).reshape(-1, 3))).astype(np.float32)
-    rows = np.zeros_like(ours)
-    found = light.layer.rows.times(np.ascontiguousarray(blurred))
-    rows[light.layer.receiver] = found
-    pictures = [_drawn(scene, light, x) for x in (ours, np.maximum(rows, 0))]
-    stops = pictures[0].stops("auto")
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    both = np.concatenate([p.display(exposure=stops) for p in pictures], axis=1)
-    _save(both, PICTURES / "direct-in-harmonics.png")
-    difference = float(np.abs(rows - ours).mean() / ours.mean())
-    return {
-        "difference": difference,
-        "negative_share": float((rows < -1e-6).mean()),
-        "receivers": len(room.scene.positions),
-    }
+def three_phase(_data: Path, work: Path) -> dict[str, Any]:
+    """One room, forty hours and three glasses, beside Radiance's three-phase method."""
+    return three_phase_beside(_data, work)
 
 
-def _drawn(scene, light: PortalsRelighter, irradiance: np.ndarray):
-    bake = replace(scene, name="box")
-    view = View(bake.positions, bake.triangles, camera=rooms.EYE, width=640, height=480)
-    return view.draw(bake.albedo * irradiance)
+def _orders_and_plot(data: Path, work: Path) -> dict[str, Any]:
+    found = orders(data, work)
+    figures.energies(found)
+    return found
 
 
-def _save(pixels: np.ndarray, path: Path) -> None:
-    from PIL import Image
-
-    Image.fromarray(pixels).save(path)
-
+_orders_and_plot.__doc__ = orders.__doc__
 
 PARTS = {
-    "box-table": box_table, "box-large": box_large, "box-small": box_small, "box-tinted": box_tinted,
-    "box-frosted": box_frosted, "choice": choice, "orders": orders, "figure-2": direct_in_harmonics,
-    "sibenik-table": sibenik_table, "car-table": car_table, "box-million": box_million, "sibenik-day": sibenik_day,
+    "box-large": _against("large", "by a window of 1.5 m"),
+    "box-order-4": _against("order-4", "by that window, bounced light to the paper's order 4"),
+    "box-small": _against("small", "by a window of 37.5 cm"),
+    "box-tinted": _against("tinted", "by a large bluish window"),
+    "box-frosted": _against("frosted", "by a large frosted window, σ = 15°"),
+    "box-sun": _against("sun", "in the sun"), "box-refined": _against("refined", "with receivers refined"),
+    "box-sun-refined": _against("sun-refined", "in the sun, with receivers refined for it"),
+    "rough-glass": panes.rough_glass, "refining": refining.error_against_triangles,
+    "figure-10": figures.figure_10, "figure-2": figures.figure_2, "figure-refined": figures.figure_refined,
+    "box-table": box_table, "choice": choice,
+    "orders": _orders_and_plot, "sibenik-table": sibenik_table, "car-table": car_table, "box-million": box_million,
+    "sibenik-day": sibenik_day, "three-phase-truth": three_phase_truth, "three-phase": three_phase, "sliding": sliding,
 }  # fmt: skip

@@ -8,6 +8,7 @@ import platform
 import time
 from pathlib import Path
 
+import three_phase
 from parts import PARTS
 
 from prelight.cli.doctor import _llvm, _machine
@@ -19,7 +20,9 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
     parser.add_argument("--work", type=Path, required=True, help="where bakes are made: a gigabyte")
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
+    parser.add_argument("--radiance", type=Path, help="folder of the pyradiance package, for three-phase")
     options = parser.parse_args()
+    three_phase.FOLDER = options.radiance
     options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
     results.mkdir(parents=True, exist_ok=True)

@@ -70,13 +70,14 @@ def ours(scene: Any, setting: Setting, count: int, folder: Path) -> dict[str, An
     baked = tuple(
         BakedLamp(f"l{k}", SteeredSpot(tuple(at), 0, RADIUS)) for k, at in enumerate(lamps(count).tolist())
     )
-    seconds, pictures, size = [], [], 0
+    seconds, processor, pictures, size = [], [], [], 0
     for seed in (0, 1):
         images = ImageSettings(setting.size, setting.size, SAMPLES["prelight"], 0, setting.depth, seed=seed)
         settings = SteerableSettings(baked, "front", images, keep="all")
-        started = time.perf_counter()
+        started, worked = time.perf_counter(), time.process_time()
         bake = bake_steerable(scene, folder / f"{count}-{seed}.prelight", settings=settings)
         seconds.append(time.perf_counter() - started)
+        processor.append(time.process_time() - worked)
         live = SteerableBake(bake)
         layers = live.live.layers.values()
         pictures.append(np.stack([layer.planes.decoded(1)[0] for layer in layers]))
@@ -88,7 +89,7 @@ def ours(scene: Any, setting: Setting, count: int, folder: Path) -> dict[str, An
         started = time.perf_counter()
         live.live.light([replace(light, layer=one.name) for light, one in zip(lights, baked, strict=True)])
         taken.append(time.perf_counter() - started)
-    return _figures(pictures, seconds, SAMPLES["prelight"]) | {
+    return _figures(pictures, (seconds, processor), SAMPLES["prelight"]) | {
         "bytes": size, "slider_milliseconds": 1e3 * statistics.median(taken),
     }  # fmt: skip
 
@@ -96,7 +97,7 @@ def ours(scene: Any, setting: Setting, count: int, folder: Path) -> dict[str, An
 def theirs(kind: str, found_at: str, scene: Path, count: int, folder: Path) -> dict[str, Any]:
     """A rival's script, twice, each in a process of its own; why not, where it cannot be."""
     ending = "exr" if kind == "cycles" else "npy"
-    seconds, pictures, said = [], [], {}
+    seconds, processor, pictures, said = [], [], [], {}
     for seed in (0, 1):
         target = folder / f"{kind}{count}-{seed}.{ending}"
         command = [sys.executable, str(Path(__file__).with_name(f"rival_{kind}.py")), str(scene), str(target)]
@@ -109,10 +110,11 @@ def theirs(kind: str, found_at: str, scene: Path, count: int, folder: Path) -> d
             return {"not_measured": (answer.stderr or answer.stdout).strip().splitlines()[-1:]}
         said = json.loads(told[-1].removeprefix("FOUND "))
         seconds.append(said.pop("seconds"))
+        processor.append(said.pop("processor_seconds"))
         pictures.append(groups(target, count) if kind == "cycles" else np.load(target).reshape(count, -1, 3))
     return (
         said
-        | _figures(pictures, seconds, SAMPLES[kind])
+        | _figures(pictures, (seconds, processor), SAMPLES[kind])
         | {"bytes": pictures[0].nbytes, "slider_milliseconds": _dense(pictures[0])}
     )
 
@@ -132,7 +134,9 @@ def groups(path: Path, count: int) -> np.ndarray:
     return np.stack(found).reshape(count, -1, 3).astype(np.float32)
 
 
-def _figures(pictures: list[np.ndarray], seconds: list[float], samples: int) -> dict[str, Any]:
+def _figures(
+    pictures: list[np.ndarray], times: tuple[list[float], list[float]], samples: int
+) -> dict[str, Any]:
     """Noise of a lamp's picture relative to its RMS, the median lamp's; pixels beyond the 99.5th percentile count
     as that, for a lamp's own sparks are nobody's fault.
     """
@@ -141,10 +145,11 @@ def _figures(pictures: list[np.ndarray], seconds: list[float], samples: int) -> 
         left = np.square(a - b, dtype=np.float64).sum(axis=1) / 2
         power = np.square((a + b) / 2, dtype=np.float64).sum(axis=1)
         noise.append(np.sqrt(np.minimum(left, np.percentile(left, 99.5)).mean() / power.mean()))
-    typical, taken = float(np.median(noise)), statistics.median(seconds)
+    typical, (taken, worked) = float(np.median(noise)), map(statistics.median, times)
     return {
         "samples": samples, "seconds": taken, "noise": typical, "wanted_noise": WANTED,
-        "seconds_to_wanted_noise": taken * (typical / WANTED) ** 2,
+        "seconds_to_wanted_noise": taken * (typical / WANTED) ** 2, "processor_seconds": worked,
+        "processor_seconds_to_wanted_noise": worked * (typical / WANTED) ** 2,
     }  # fmt: skip
 
 
@@ -161,19 +166,23 @@ def _dense(pictures: np.ndarray) -> float:
 
 
 def fixed_lights(setting: Setting) -> dict[str, Any]:
-    """Time to equal noise, bytes and time of a slider, of each for 16 and 64 lamps."""
-    found: dict[str, Any] = {}
+    """Time to equal noise, bytes and time of a slider, of each for 16 and 64 lamps; what was not asked for stays."""
+    kept_at = setting.results / "fixed-lights.json"
+    before = json.loads(kept_at.read_text()) if kept_at.exists() else {}
+    found: dict[str, Any] = {str(count): before.get(str(count), {}) for count in COUNTS}
     scene = plain_scene(setting)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for count in COUNTS:
-            own = found[str(count)] = {"prelight": ours(scene, setting, count, folder)}
-            source = written(scene, setting, count, folder)
-            for kind in ("cycles", "luxcore"):
+        for count in COUNTS if setting.lamps is None else (setting.lamps,):
+            own, source = found[str(count)], written(scene, setting, count, folder)
+            for kind in SAMPLES if setting.renderer is None else (setting.renderer,):
                 place = setting.rivals.get(kind)
-                own[kind] = (
-                    {"not_measured": f"no --{kind} FOLDER given"}
-                    if place is None
-                    else theirs(kind, place, source, count, folder)
-                )
+                if kind == "prelight":
+                    own[kind] = ours(scene, setting, count, folder)
+                elif place is not None:
+                    own[kind] = theirs(kind, place, source, count, folder)
+                else:
+                    own.setdefault(kind, {"not_measured": f"no --{kind} FOLDER given"})
+                    continue
+                own[kind]["size"] = setting.size
     return found

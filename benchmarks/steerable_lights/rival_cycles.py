@@ -40,10 +40,11 @@ def main() -> None:
         render.image_settings.media_type = "MULTI_LAYER_IMAGE"
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
     render.filepath = target
-    started = time.perf_counter()
+    started, worked = time.perf_counter(), time.process_time()
     bpy.ops.render.render(write_still=True)
     said = {
         "seconds": time.perf_counter() - started,
+        "processor_seconds": time.process_time() - worked,
         "version": f"Cycles of Blender {bpy.app.version_string}",
     }
     print("FOUND " + json.dumps(said), flush=True)

@@ -35,6 +35,12 @@ class Setting:
     depth: int = 10
     reference_samples: int = 4096
     rivals: dict[str, str] = field(default_factory=dict)  # folders where they are installed
+    work: str | None = None  # a folder where direct renders are kept
+    case: str | None = None  # the one to be measured; all without
+    renderer: str | None = None  # of fixed lights, the one to be measured; and with how many lamps
+    lamps: int | None = None
+    renders: int = 8  # that a reference is the mean of
+    pieces: int = 1_000_000  # renders to be made at once
     results: Path = Path(__file__).parent / "results"
 
     @cached_property
@@ -92,6 +98,12 @@ def aims(count: int, seed: int = 0) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     found = rng.uniform((-0.35, 0.0, -0.35), (0.35, 0.2, 0.35), (count, 3)) - chess.SPOT_AT
     return list(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def toward(target: tuple[float, float, float]) -> np.ndarray:
+    """The direction from the spot to a place."""
+    way = np.array(target) - chess.SPOT_AT
+    return way / np.linalg.norm(way)
 
 
 def spot_light(degree: int, aim: np.ndarray) -> tuple[np.ndarray, Emission]:

@@ -22,7 +22,7 @@ import websockets
 
 import prelight as pl
 from prelight.scene.normals import vertex_normals
-from prelight.studio.frames import FrameHeader
+from prelight.studio.frames import FRAME_EXACT, FrameHeader
 from prelight.studio.protocol import (
     PROTOCOL_VERSION,
     ClientMessage,
@@ -61,9 +61,16 @@ def hills() -> pl.Scene:
 
 
 @contextmanager
-def studio(bake: Path) -> Iterator[str]:
-    """The link of a studio in a process of its own."""
-    command = [sys.executable, "-c", "from prelight.cli.main import main; main()", "studio", str(bake)]
+def studio(bake: Path, *skies: str) -> Iterator[str]:
+    """The link of a studio in a process of its own; maps or rigs to choose from."""
+    command = [
+        sys.executable,
+        "-c",
+        "from prelight.cli.main import main; main()",
+        "studio",
+        str(bake),
+        *skies,
+    ]
     run = subprocess.Popen(
         [*command, "--json", "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
@@ -101,7 +108,7 @@ class Visit:
         self.size = len(frame)
         for sequence in [s for s in self.sent if s <= header.sequence]:
             self.latencies.append(now - self.sent.pop(sequence))
-        if header.flags and header.sequence == self.sequence:
+        if header.flags & FRAME_EXACT and header.sequence == self.sequence:
             self.exact.set()
         return header.frame
 

@@ -130,11 +130,17 @@ def error(options: argparse.Namespace) -> dict[str, Any]:
     rng = np.random.default_rng(12)
     rows = np.sort(rng.choice(len(share), options.receivers, replace=False, p=share)).astype(np.int32)
     surfaces = SurfaceScene(scene)
-    each, began = [], time.perf_counter()
-    for k, light in enumerate(lights.some(options.lights)):
+    kept = options.work / f"lights-{options.receivers}-{options.samples}-{options.rounds}.json"
+    each = (
+        json.loads(kept.read_text()) if kept.exists() else []
+    )  # of a run that was stopped, with these numbers
+    for k, light in enumerate(lights.some(options.lights)[len(each) :], start=len(each)):
+        began = time.perf_counter()
         live.shine([light])
         reference = LitScene(scene, surfaces=surfaces, emitters=[emitter_of(surfaces.mi, light)])
-        each.append(_figures(light, live, rows, _seen(reference, rows, stand, options, seed=1000 * k)))
+        said = _figures(light, live, rows, _seen(reference, rows, stand, options, seed=1000 * k))
+        each.append({**said, "seconds": time.perf_counter() - began})
+        kept.write_text(json.dumps(each, default=float))
         print(f"\r{k + 1} of {options.lights}", end="", flush=True)
     print()
     errors = np.array([one["indirect_rms"] for one in each])
@@ -147,7 +153,7 @@ def error(options: argparse.Namespace) -> dict[str, Any]:
         "worst": float(errors.max()), "median_by_kind": by_kind,
         "median_total": float(np.median([one["total_rms"] for one in each])),
         "median_signed_mean": float(np.median([one["indirect_signed_mean"] for one in each])),
-        "reference_seconds": time.perf_counter() - began,
+        "reference_seconds": sum(one["seconds"] for one in each),
         "worst_five": sorted(each, key=lambda one: -one["indirect_rms"])[:5], "all": each,
     }  # fmt: skip
 
@@ -210,7 +216,7 @@ PARTS = {"bake": bake, "speed": speed, "error": error}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument("--work", type=Path, required=True, help="where the bake is kept: some 60 MB")
+    parser.add_argument("--work", type=Path, required=True, help="where a bake is kept: 60 MB")
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
     parser.add_argument("--detail", type=float, default=1.23, help="of the room: 1.23 has 45,000 vertices")
     parser.add_argument("--rays", type=int, default=1024, help="gathered from each vertex")
@@ -220,7 +226,7 @@ def main() -> None:
         "--bounces", type=int, default=TransferSettings().operator_bounces, help="by the operator"
     )
     parser.add_argument("--lights", type=int, default=50)
-    parser.add_argument("--receivers", type=int, default=1000)
+    parser.add_argument("--receivers", type=int, default=400)
     parser.add_argument("--samples", type=int, default=4096, help="of the path tracer, each receiver")
     parser.add_argument(
         "--rounds", type=int, default=8, help="of so many samples at most, where light is hard to find"

@@ -7,6 +7,7 @@ A dense grid of lights, all through one gathering operator; clustered zone by zo
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +22,9 @@ from .cloud_arrays import light_arrays, row_arrays
 from .cloud_columns import CloudColumns
 from .cloud_plan import CloudPlan, plan_cloud
 from .cloud_settings import CloudSettings
-from .cloud_trials import TRIALS, Trials, trial_places, tried, usual_weights
-from .cloud_zones import Lost, Zone, make_zone, zones_of
+from .cloud_trials import TRIALS, trial_places, tried
+from .cloud_zones import Lamps, Lost, Zone, lost, make_zone, thinned, zones_of
+from .exitant import ExitantPart
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, scene_record
 
@@ -32,8 +34,8 @@ _AT = f"layers/{LAYER}"
 _COLUMN_SHARE = 0.7  # of the work, for reporting
 _DIGITS = 6
 _IDENTITY = (
-    "lights", "radius", "zone", "clusters", "coefficients", "error", "w1", "w2", "merge", "patches",
-    "interpolation", "codes", "gather_rays",
+    "lights", "radius", "zone", "clusters", "coefficients", "error", "w1", "w2", "merge", "modes",
+    "interpolation", "codes", "gather_rays", "glossy_order",
 )  # fmt: skip
 
 
@@ -98,7 +100,8 @@ def identity(plan: CloudPlan) -> dict[str, int | float | str | None]:
     settings = plan.settings
     asked = {name: getattr(settings, name) for name in _IDENTITY}
     box = None if settings.box is None else repr(settings.box)
-    return {"kind": "cloud", "scene": plan.scene.digest, "box": box, **asked, **software()}
+    photons = {"photons": plan.photons} if plan.photons else {}
+    return {"kind": "cloud", "scene": plan.scene.digest, "box": box, **asked, **photons, **software()}
 
 
 class _Making:
@@ -107,10 +110,17 @@ class _Making:
     def __init__(self, plan: CloudPlan, writer: BakeWriter, report: Report) -> None:
         self.plan, self.settings, self.scene = plan, plan.settings, plan.scene
         self.writer, self.report = writer, report
+        self.gloss: ExitantPart | None = None
+        if order := self.settings.glossy_order:
+            ground = plan.ground
+            self.gloss = ExitantPart.of(self.scene, ground.occluders, order=order, origins=ground.origins)
 
     def run(self) -> Manifest:
         """The whole bake."""
-        columns = CloudColumns(self.plan, self.writer, lambda share: self.report(_COLUMN_SHARE * share))
+        plan = self.plan
+        if self.gloss is not None:  # light bounces with all that glossy surfaces reflect
+            plan = replace(plan, scene=self.gloss.bouncing(plan.scene))
+        columns = CloudColumns(plan, self.writer, lambda share: self.report(_COLUMN_SHARE * share))
         columns.make()
         weights = self._weights(columns)
         pairs = self._pairs(weights.w1)
@@ -120,16 +130,18 @@ class _Making:
         for k, part in enumerate(parts):
             zones.append(make_zone(columns, part, pairs, w2=weights.w2, lamps=lamps))
             self.report(_COLUMN_SHARE + (1 - _COLUMN_SHARE) * (k + 1) / len(parts))
-        return self._manifest(columns, zones, weights)
+        zones = thinned(zones, self.settings)
+        losses = [] if lamps is None else [lost(columns, zone, lamps.held).squares for zone in zones]
+        return self._manifest(columns, zones, weights, losses)
 
-    def _lamps(self, columns: CloudColumns) -> tuple[tuple[float, float], Trials] | None:
-        """How much lights and patches have to say, and lamps that errors are measured on."""
-        if columns.patch_of is None:
+    def _lamps(self, columns: CloudColumns) -> Lamps | None:
+        """How much lights and modes have to say, and lamps that errors are measured on."""
+        if columns.sources is None or columns.brought is None:
             return None
-        known = {"fluxes": columns.fluxes, "patch_of": columns.patch_of, "areas": columns.areas}
-        places = trial_places(self.plan, seed=0, count=TRIALS)
-        usual = usual_weights(tried(self.plan, places, **known), len(self.plan.grid))
-        return usual, tried(self.plan, columns.held, **known)
+        known = {"brought": columns.brought, "sources": columns.sources, "squares": columns.squares}
+        usual = tried(self.plan, trial_places(self.plan, seed=0, count=TRIALS), **known)
+        lights = np.sqrt(np.square(columns.brought.astype(np.float64)) @ columns.squares)
+        return Lamps(usual, lights, tried(self.plan, columns.held, **known))
 
     def _weights(self, columns: CloudColumns) -> Weights:
         used = self.scene.positions[np.unique(self.scene.triangles)]
@@ -144,63 +156,62 @@ class _Making:
         first, second = pairs.which.T
         return pairs.chosen(self.plan.ground.segments.are_free(at[first], at[second]))
 
-    def _manifest(self, columns: CloudColumns, zones: list[Zone], weights: Weights) -> Manifest:
+    def _manifest(
+        self, columns: CloudColumns, zones: list[Zone], weights: Weights, losses: list[np.ndarray]
+    ) -> Manifest:
         plan, settings = self.plan, self.settings
         written = WrittenArrays(self.writer)
         written.write_scene(self.scene)
-        lights, scale = light_arrays(plan.grid, zones, columns.fluxes if columns.patches else None)
+        lights, scale = light_arrays(plan.grid, zones, columns.brought)
         arrays = {
             **lights,
             **row_arrays(zones, codes=settings.codes),
             "origins": plan.ground.origins,
         }
-        if columns.patch_of is not None:
-            arrays |= {"patch_of": columns.patch_of, "areas": columns.areas}
+        if (sources := columns.sources) is not None:
+            arrays |= {"sources": sources.rows, "source_scales": sources.scales, "areas": sources.areas}
         for name, values in arrays.items():
             written.write(f"{_AT}/{name}", values)
         clusters = arrays["clusters"]
-        coefficients = (
-            (clusters[:, 1:2] * clusters[:, 2:]).sum() / clusters[:, 1].sum() / (clusters.shape[1] - 2)
-        )
-        errors = _errors(zones)
+        coefficients, V = int((clusters[:, 1] * clusters[:, 2]).sum()), len(self.scene.positions)
+        errors = Lost(np.sum(losses, axis=0) if losses else np.zeros((5, 1))).shares()
         corners = {f"{side}_{axis}": float(x) for side in ("low", "high") for axis, x in zip(
             "xyz", getattr(plan.grid, side), strict=True)}  # fmt: skip
+        gloss = {} if self.gloss is None else written.write_gloss(f"{_AT}/glossy", self.gloss)
+        glossy = {"glossy_order": settings.glossy_order} if gloss else {}
+        notes = plan.notes if self.gloss is None else self.gloss.notes
         layer = LayerRecord(
             kind="cloud",
             basis_lights=len(plan.grid),
-            coefficients=max(1, int((clusters[:, 1:2] * clusters[:, 2:]).sum())),
-            rays=columns.rays,
+            coefficients=len(arrays["codes"]),
+            rays=columns.rays + int(gloss.get("glossy_rays", 0)),
             parameters={
                 "asked_lights": settings.lights, "radius": settings.radius,
                 "w1": _told(weights.w1), "w2": _told(weights.w2),
-                "merge": settings.merge, "patches": columns.patches, "interpolation": settings.interpolation,
+                "merge": settings.merge, "patches": 0, "modes": columns.modes, "colours": columns.colours,
+                "interpolation": settings.interpolation if columns.modes else "kernel",
                 "codes": settings.codes, "gather_rays": settings.gather_rays, "bounces": "all", "zone": settings.zone,
-                **corners, "step": float(plan.grid.step.max()),
+                **({"photons": plan.photons} if plan.photons else {}), **corners, "step": float(plan.grid.step.max()),
+                **glossy,
             },
             statistics={
                 "in_solids": plan.grid.in_solids, "zones": len(zones), "clusters": len(clusters),
-                "kept_lights": len(arrays["lights"]), "coefficients_a_vertex": _told(float(coefficients)),
+                "kept_lights": len(arrays["lights"]), "coefficients_a_vertex": _told(coefficients / V),
                 "groups": _told(float(np.mean([zone.groups.count for zone in zones]))),
                 "flux_scale": scale, "remaining": _told(columns.remaining),
-                **{name: _told(share) for name, share in errors.items()},
+                **{name: _told(share) for name, share in errors.items()}, **gloss,
             },
         )  # fmt: skip
         return Manifest(
             format=FORMAT,
             version=VERSION,
             settings=identity(plan),
-            scene=scene_record(self.scene, plan.notes),
+            scene=scene_record(self.scene, notes),
             layers={LAYER: layer},
             arrays=written.arrays,
             chunks=written.chunks,
             software=software(),
         )
-
-
-def _errors(zones: list[Zone]) -> dict[str, float]:
-    """What lamps lose; nothing is known of it without patches."""
-    measured = [zone.lost.squares for zone in zones if zone.lost is not None]
-    return Lost(np.sum(measured, axis=0) if measured else np.zeros((5, 1))).shares()
 
 
 def _told(value: float) -> float:

@@ -21,9 +21,9 @@ def kept_lights(zones: list[Zone]) -> tuple[Int32[np.ndarray, "lights"], Int32[n
 
 
 def light_arrays(
-    grid: LightGrid, zones: list[Zone], fluxes: Float32[np.ndarray, "lights patches"] | None
+    grid: LightGrid, zones: list[Zone], brought: Float32[np.ndarray, "lights modes"] | None
 ) -> tuple[dict[str, np.ndarray], float]:
-    """Lights and what they are in each zone; and what fluxes are to be multiplied by."""
+    """Lights and what they are in each zone; and what fluxes, of each mode, are to be multiplied by."""
     kept_of, group_of = kept_lights(zones)
     sizes = np.bincount(kept_of)
     middles = np.zeros((len(sizes), 3))
@@ -35,12 +35,12 @@ def light_arrays(
         "lights": lights.astype(np.float32),
         "group_of": group_of.astype(np.uint16),
     }
-    if fluxes is None:
+    if brought is None:
         return arrays, 0.0
-    means = np.zeros((len(sizes), fluxes.shape[1]))
-    np.add.at(means, kept_of, fluxes)
+    means = np.zeros((len(sizes), brought.shape[1]))
+    np.add.at(means, kept_of, brought)
     means /= sizes[:, None]
-    scale = float(means.max()) or 1.0
+    scale = float(np.abs(means).max()) or 1.0
     arrays["fluxes"] = half_floats(means / scale)
     return arrays, scale
 
@@ -51,14 +51,12 @@ def row_arrays(zones: list[Zone], *, codes: str) -> dict[str, np.ndarray]:
     for z, zone in enumerate(zones):
         for cluster in zone.clusters:
             order.append(zone.vertices[cluster.rows])
-            table.append([z, len(cluster.rows), *(len(basis) for basis in cluster.basis)])
-            for mean, basis, coordinates in zip(
-                cluster.means, cluster.basis, cluster.coordinates, strict=True
-            ):
-                rows = np.concatenate([mean[None], basis])
-                scale = np.abs(rows).max(axis=1)
-                bases.append(half_floats(rows / np.where(scale > 0, scale, 1)[:, None]).ravel())
-                base_scales.append(scale)
+            table.append([z, len(cluster.rows), len(cluster.basis)])
+            rows = np.concatenate([cluster.mean[None], cluster.basis])
+            scale = np.abs(rows).max(axis=1)
+            bases.append(half_floats(rows / np.where(scale > 0, scale, 1)[:, None]).ravel())
+            base_scales.append(scale)
+            for coordinates in cluster.coordinates:
                 if codes == "bytes":
                     coded, own = in_bytes(np.ascontiguousarray(coordinates.T))
                     values.append(coded.T.ravel())

@@ -1,4 +1,4 @@
-"""Indirect light of every light of a cloud and of every patch, at all vertices: in parts on disk as they are done.
+"""Indirect light of every light of a cloud and of every mode, at all vertices: in parts on disk as they are done.
 
 All share one gathering operator, which is traced when the first part is wanted.
 """
@@ -8,97 +8,85 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from ..arrays import Float32, Int32
-from ..encoding.light_fit import patch_flux
-from ..encoding.vertex_tree import vertex_order
-from ..scene.geometry import Scene
+from ..arrays import Float32, Float64, Int32
 from ..storage.chunks import ArraySpec, ChunkRecord, chunk_key, open_chunk
 from ..storage.journal import BakeWriter
 from ..transport.bounces import bounced
 from ..transport.gathering import Gathering
-from .cloud_plan import COLUMNS, CloudPlan
-from .cloud_trials import HELD_OUT, direct_of, trial_places
+from ..transport.spreading import Spreading
+from .cloud_caustics import CloudCaustics, bouncing
+from .cloud_modes import Mixtures, Sources, mixtures, products
+from .cloud_plan import COLUMNS, HELD_OUT, CloudPlan, trained
+from .cloud_trials import direct_of, trial_places
 from .scene_arrays import whole
 
 Report = Callable[[float], None]
 _BALL_RAYS = 64
-
-
-def patches_of(scene: Scene, count: int) -> Int32[np.ndarray, "vertices"]:
-    """The patch of each vertex: neighbours of like normals, alike many."""
-    order = vertex_order(scene.positions, scene.normals)
-    of = np.empty(len(order), np.int32)
-    of[order] = np.arange(len(order), dtype=np.int64) * min(count, len(order)) // len(order)
-    return of
+_SLAB = 4096  # vertices at a time
 
 
 class CloudColumns:
-    """Columns of a plan's lights, its patches, and lamps to try it on.
+    """Columns of a plan's lights, of lamps that modes are learnt from, of the modes, and of lamps to try it on.
 
-    Irradiance / π at all vertices for lights and lamps of 1 W/sr, for even light of flux 1 on a patch.
+    Irradiance / π at all vertices, for lights and lamps of 1 W/sr.
 
     Attributes
     ----------
-    patch_of, areas
-        ``(V,)``; areas in m².
-    held
-        Places of lamps that are solved to measure errors on.
-    rays
-        Traced by this process.
+    areas
+        ``(V,)`` m².
+    held, learnt
+        Places of lamps that are solved to measure errors on, and to find modes.
     """
 
     def __init__(self, plan: CloudPlan, writer: BakeWriter, report: Report) -> None:
         self.plan, self.scene, self._writer, self._report = plan, plan.scene, writer, report
         self.areas = plan.ground.areas
-        self.patches = min(plan.settings.patches, len(plan.scene.positions))
-        self.patch_of = patches_of(plan.scene, self.patches) if self.patches else None
-        held = HELD_OUT if self.patches else 0
-        self.held = trial_places(plan, seed=1, count=held) if held else np.zeros((0, 3))
+        wanted = plan.settings.modes
+        self.held = trial_places(plan, seed=1, count=HELD_OUT if wanted else 0)
+        self.learnt = trial_places(plan, seed=2, count=trained(wanted))
         self._kept = {(e["part"], e["number"]): e for e in writer.entries if "number" in e}
+        self._opened: dict[tuple[str, str], list[np.ndarray]] = {}
 
     def make(self) -> None:
         """Everything that the journal does not have yet."""
-        parts = [
-            (part, number)
-            for part, count in (
-                ("lights", len(self.plan.grid)),
-                ("patches", self.patches),
-                ("held", len(self.held)),
-            )
-            for number in range(-(-count // COLUMNS))
-        ]
-        for k, (part, number) in enumerate(parts):
-            if (part, number) not in self._kept:
-                self._make_part(part, number)
-            self._report((k + 1) / len(parts))
+        modes = self.plan.settings.modes
+        expected = sum(
+            -(-n // COLUMNS) for n in (len(self.plan.grid), len(self.learnt), len(self.held), modes)
+        )
+        done = 0
+        for part in ("lights", "learnt", "held", "modes"):
+            count = self.modes if part == "modes" else len(self._places(part))
+            for number in range(-(-count // COLUMNS)):
+                if (part, number) not in self._kept:
+                    self._make_part(part, number)
+                done += 1
+                self._report(min(1.0, done / expected))
 
     @cached_property
     def _gathering(self) -> Gathering:
         ground, settings = self.plan.ground, self.plan.settings
         return Gathering.trace(
-            self.scene, ground.occluders, origins=ground.origins, rays=settings.gather_rays,
+            bouncing(self.plan), ground.occluders, origins=ground.origins, rays=settings.gather_rays,
             memory=self.plan.operator_bytes,
         )  # fmt: skip
 
+    @cached_property
+    def _backwards(self) -> Spreading:
+        return Spreading(self._gathering, self.scene)
+
     def _make_part(self, part: str, number: int) -> None:
         began, first = time.perf_counter(), number * COLUMNS
-        if part == "patches":
-            D = self._patches(first)
+        if part == "modes":
+            arrays, remaining = self._modes(slice(first, min(first + COLUMNS, self.modes)))
         else:
-            D = self._lights(
-                (self.plan.grid.positions if part == "lights" else self.held)[first : first + COLUMNS]
-            )
-        light = D if self._gathering.is_grey else np.repeat(D, 3, axis=2)
-        solved = bounced(self._gathering, light)
-        arrays = {"indirect": np.ascontiguousarray(solved.indirect, np.float32)}
-        told: dict[str, Any] = {"remaining": min(solved.remaining, 1e9)}
+            arrays, remaining = self._lamps(part, self._places(part)[first : first + COLUMNS])
+        told: dict[str, Any] = {"remaining": min(remaining, 1e9)}
         if part == "lights":
-            arrays["fluxes"] = self._fluxes(D[:, :, 0])
-            told["brightest"] = [float(x) for x in solved.indirect.max(axis=(0, 2))]
+            told["brightest"] = [float(x) for x in arrays["indirect"].max(axis=(0, 2))]
         chunks, specs = {}, {}
         for name, values in arrays.items():
             at = f"making/{part}/{name}/{number:05d}"
@@ -113,41 +101,93 @@ class CloudColumns:
         self._writer.append(entry)
         self._kept[part, number] = entry
 
-    def _lights(self, places: np.ndarray) -> Float32[np.ndarray, "vertices columns 1"]:
-        radius = self.plan.settings.radius
-        rays = _BALL_RAYS if radius else 1
-        return direct_of(self.plan.ground, places, radius=radius, rays=rays)[:, :, None]
+    def _lamps(self, part: str, places: np.ndarray) -> tuple[dict[str, np.ndarray], float]:
+        """What bounces of lamps, and of the grid's lights what falls directly; modes know nothing of caustics."""
+        radius = self.plan.settings.radius if part == "lights" else 0.0
+        D = direct_of(self.plan.ground, places, radius=radius, rays=_BALL_RAYS if radius else 1)[:, :, None]
+        light, sent_on = np.repeat(D, self.colours, axis=2), None
+        if self._caustics is not None and part != "learnt":
+            sent_on = self._caustics.of(places)
+            light = np.ascontiguousarray(light + sent_on)
+        solved = bounced(self._gathering, light)
+        kept = solved.indirect if sent_on is None else solved.indirect + sent_on
+        arrays = {"indirect": np.ascontiguousarray(kept, np.float32)}
+        if part == "lights":
+            arrays["direct"] = np.ascontiguousarray(D[:, :, 0], np.float32)
+        return arrays, solved.remaining
 
-    def _patches(self, first: int) -> Float32[np.ndarray, "vertices columns 1"]:
-        """Even light on each patch, of flux 1."""
-        assert self.patch_of is not None
-        last = min(first + COLUMNS, self.patches)
-        sizes = np.bincount(self.patch_of, weights=self.areas, minlength=self.patches)
-        own = (self.patch_of >= first) & (self.patch_of < last)
-        D = np.zeros((len(self.patch_of), last - first, 1), np.float32)
-        D[own, self.patch_of[own] - first, 0] = 1 / sizes[self.patch_of[own]]
-        return D
+    def _modes(self, which: slice) -> tuple[dict[str, np.ndarray], float]:
+        """Modes, and how much of them light at each vertex brings: all colours of one answer to it together."""
+        shares, squares = self._mixtures.shares[:, which], self._mixtures.squares[which]
+        L = np.empty((len(self.areas), shares.shape[1], self.colours), np.float32)
+        for rows in self._slabs():
+            L[rows] = np.einsum("lvc,lk->vkc", self.rows("learnt", rows), shares, optimize=True)
+        backwards = cast(Gathering, self._backwards)  # of one, solving needs no more than ``bounce``
+        found = bounced(backwards, L)
+        sources = found.indirect.sum(axis=2) / squares.astype(np.float32)
+        return {"indirect": L, "sources": np.ascontiguousarray(sources, np.float32)}, found.remaining
 
-    def _fluxes(self, D: np.ndarray) -> Float32[np.ndarray, "columns patches"]:
-        if self.patch_of is None:
-            return np.zeros((D.shape[1], 1), np.float32)
-        found = [patch_flux(d, self.areas, self.patch_of, self.patches) for d in D.T]
-        return np.stack(found).astype(np.float32)
+    @cached_property
+    def _mixtures(self) -> Mixtures:
+        if not len(self.learnt):
+            return Mixtures(np.zeros((0, 0)), np.zeros(0))
+        slabs = ((self.rows("learnt", rows), self.areas[rows]) for rows in self._slabs())
+        return mixtures(products(slabs), self.plan.settings.modes)
+
+    @property
+    def modes(self) -> int:
+        """How many modes there are, once lamps are learnt from."""
+        return len(self._mixtures)
+
+    def _slabs(self) -> list[Int32[np.ndarray, "some"]]:
+        every = np.arange(len(self.areas), dtype=np.int32)
+        return [every[first : first + _SLAB] for first in range(0, len(every), _SLAB)]
+
+    @property
+    def squares(self) -> Float64[np.ndarray, "modes"]:
+        """How much light each mode is: area · irradiance², over all surfaces and colours."""
+        return self._mixtures.squares
+
+    @property
+    def colours(self) -> int:
+        """1 where every albedo is grey."""
+        return 1 if self._gathering.is_grey and self._caustics is None else 3
+
+    @cached_property
+    def _caustics(self) -> CloudCaustics | None:
+        return CloudCaustics(self.plan) if self.plan.photons else None
+
+    def _places(self, part: str) -> np.ndarray:
+        return {"lights": self.plan.grid.positions, "learnt": self.learnt, "held": self.held}[part]
 
     def _open(self, part: str, name: str) -> list[np.ndarray]:
         """What was kept of all parts, on disk."""
+        count = sum(kind == part for kind, _ in self._kept)
+        if len(self._opened.get((part, name), ())) == count:
+            return self._opened[part, name]
         found = []
-        for number in range(sum(kind == part for kind, _ in self._kept)):
+        for number in range(count):
             entry, at = self._kept[part, number], f"making/{part}/{name}/{number:05d}"
             spec = ArraySpec(**entry["arrays"][at])
             key = chunk_key(at, (0,) * len(spec.shape))
             found.append(open_chunk(self._writer.partial, key, spec, ChunkRecord(**entry["chunks"][key])))
+        self._opened[part, name] = found
         return found
 
-    @property
-    def fluxes(self) -> Float32[np.ndarray, "lights patches"]:
-        """Σ area · irradiance / π of every light on every patch."""
-        return np.concatenate(self._open("lights", "fluxes"))
+    @cached_property
+    def sources(self) -> Sources | None:
+        """How much light at each vertex brings of each mode; None without modes."""
+        if not self.modes:
+            return None
+        return Sources.of(np.concatenate(self._open("modes", "sources"), axis=1), self.areas)
+
+    @cached_property
+    def brought(self) -> Float32[np.ndarray, "lights modes"] | None:
+        """How much of each mode the grid's lights bring; None without modes."""
+        if self.sources is None:
+            return None
+        parts = [self.sources.brought(direct) for direct in self._open("lights", "direct")]
+        return np.concatenate(parts).astype(np.float32)
 
     @property
     def brightest(self) -> float:
@@ -171,6 +211,6 @@ class CloudColumns:
     def rows(
         self, part: str, vertices: Int32[np.ndarray, "some"]
     ) -> Float32[np.ndarray, "columns some colours"]:
-        """What some vertices answer to all ``lights``, ``patches``, or ``held`` lamps."""
+        """What some vertices answer to all ``lights``, to lamps ``learnt`` from or ``held``, or have of ``modes``."""
         found = [np.moveaxis(block[vertices], 1, 0) for block in self._open(part, "indirect")]
         return np.concatenate(found)

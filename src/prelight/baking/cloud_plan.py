@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..rays.segments import PlainSegments
 from ..scene.geometry import Scene
+from ..transport.specular import as_photons_see, is_specular, specular_materials
 from ..transport.spreading import vertex_areas
 from ..transport.vantage import vantage_points
 from .bounced_plan import tried_rows
@@ -20,6 +21,9 @@ from .cloud_settings import CloudSettings
 from .environment_plan import machine_memory
 
 COLUMNS = 32  # of light, solved together and kept as one part
+PHOTONS = 1 << 16  # of each light, for caustics, where a material needs them
+BOUNCED_SHARE = 0.25  # of these, beside them, for light that bounced before
+_PHOTONS_A_SECOND, _BYTES_PER_PHOTON = 4e5, 200  # with their sums; of a part's photons that land
 _PROCESS_BYTES = 400_000_000  # Python, the renderer and its compiler
 _BYTES_PER_TRIANGLE = 300  # of both trees
 _RAYS_AT_ONCE, _BYTES_PER_RAY = 1 << 22, 60  # of a tile of the operator
@@ -51,6 +55,7 @@ class CloudPlan:
     operator_bytes: int  # what the operator may take; beyond it tiles are traced again
     notes: tuple[str, ...]
     ground: CloudGround
+    photons: int = 0  # of each light
 
     def summary(self) -> dict[str, float | int | list[str]]:
         """What ``--dry-run --json`` prints."""
@@ -100,13 +105,20 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
     per_row, ray_seconds = tried_rows(
         scene, ground.occluders, ground.origins, gather_rays=settings.gather_rays
     )
-    entries, columns, colours = int(per_row * V), len(grid) + settings.patches, 3
+    entries, colours = int(per_row * V), 3
+    columns = len(grid) + settings.modes
+    solved = columns + (trained(settings.modes) + HELD_OUT if settings.modes else 0)
     fixed = _PROCESS_BYTES + len(scene.triangles) * _BYTES_PER_TRIANGLE
     fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * _BYTES_PER_RAY
     solving = 4 * colours * V * COLUMNS * _COPIES
     zone = 8 * colours * min(V, settings.zone) * columns * _ZONE_COPIES
     zone += 3 * 4 * len(grid) ** 2  # distances of pairs of lights
-    fixed += max(solving, zone)
+    photons = (PHOTONS if settings.photons is None else settings.photons) * bool(
+        specular_materials(scene).any()
+    )
+    if photons:
+        as_photons_see(scene)  # refuses what photons cannot carry before anything is paid
+    fixed += max(solving, zone) + photons * COLUMNS * _BYTES_PER_PHOTON
     wanted = entries * (16 if scene.textures else 8) + 8 * V
     left = int(_USED_SHARE * (settings.memory or machine_memory() // 2) - fixed)
     if left < 0:
@@ -116,14 +128,15 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
         raise InputError("memory", reason)
     rays, shadows = V * settings.gather_rays, V * len(grid) * (64 if settings.radius else 1)
     seconds = rays * ray_seconds * (1 if wanted <= left else 1 + 2 * (1 - left / wanted))
-    seconds += shadows / _SHADOW_RAYS + _PRODUCTS * colours * columns * entries / _ENTRY_COLUMNS
+    seconds += shadows / _SHADOW_RAYS + _PRODUCTS * colours * solved * entries / _ENTRY_COLUMNS
+    seconds += (1 + BOUNCED_SHARE) * photons * len(grid) / _PHOTONS_A_SECOND
     seconds += _ROUNDS * colours * V * columns * _COMPONENT_SECONDS
-    kept = _MERGED_SHARE * len(grid) + settings.patches
+    kept = _MERGED_SHARE * len(grid) + settings.modes
     clusters = settings.clusters or max(1, min(settings.zone, V) // VERTICES_A_CLUSTER)
     clusters *= max(1, V // settings.zone)
-    bases = clusters * colours * (settings.coefficients + 1) * kept * 2
+    bases = clusters * (settings.coefficients + 1) * kept * 2
     per_value = 1 if settings.codes == "bytes" else 2
-    on_disk = bases + V * (colours * settings.coefficients * per_value + 24)
+    on_disk = bases + V * (colours * settings.coefficients * per_value + settings.modes + 24)
     return CloudPlan(
         settings=settings,
         scene=scene,
@@ -133,23 +146,35 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
         rays=rays + shadows,
         seconds=float(seconds),
         memory=int(fixed + min(wanted, left)),
-        scratch=4 * colours * V * columns,
+        scratch=4 * V * (colours * solved + columns),
         bytes=int(on_disk + 40 * V + 16 * len(scene.triangles) + sum(t.nbytes for t in scene.textures)),
         operator_bytes=left,
-        notes=_notes(scene),
+        notes=() if settings.glossy_order else _notes(scene, photons),
         ground=ground,
+        photons=photons,
     )
 
 
-VERTICES_A_CLUSTER = 100
+VERTICES_A_CLUSTER = 33
+HELD_OUT = 32  # lamps that errors are measured on
 
 
-def _notes(scene: Scene) -> tuple[str, ...]:
+def trained(modes: int) -> int:
+    """How many lamps so many modes are learnt from."""
+    return modes + modes // 2
+
+
+def _notes(scene: Scene, photons: int) -> tuple[str, ...]:
     """What this kind of bake cannot carry, one line."""
-    glossy = [material.name for material in scene.materials if not material.is_lambertian]
+    glossy = [
+        material.name
+        for material in scene.materials
+        if not material.is_lambertian and not (photons and is_specular(material))
+    ]
     if not glossy:
         return ()
     names = ", ".join(name[:40] for name in glossy[:4]) + (", …" if len(glossy) > 4 else "")
     return (
-        f"{names}: lit, and light bounces there, as from diffuse surfaces of their base colour; no reflections",
+        f"{names}: lit, and light bounces there, as from diffuse surfaces of their base colour; no reflections "
+        "(--glossy-order 8 shows them)",
     )

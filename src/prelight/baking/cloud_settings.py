@@ -6,12 +6,14 @@ import math
 from dataclasses import dataclass
 
 from ..errors import InputError
+from ..storage.exitant_part import MOST_ORDER
 from .environment_settings import LEAST_MEMORY
 from .environment_settings import MOST_GATHER_RAYS as MOST_RAYS
 
 MOST_LIGHTS = 8192
 MOST_ZONES, MOST_ZONE = 4096, 1 << 20
-MOST_PATCHES = 2048
+MOST_MODES = 1024
+MOST_PHOTONS = 1 << 22  # of a light
 CODES = ("bytes", "float16")
 MERGES = ("mean", "harmonic")
 INTERPOLATIONS = ("fitted", "kernel")
@@ -32,7 +34,7 @@ class CloudSettings:
     zone
         Vertices of a zone at most: a box with more is split.
     clusters
-        Of PCA, in each zone; one for each 100 vertices if not given.
+        Of PCA, in each zone; one for each 33 vertices if not given.
     coefficients
         Of a vertex and colour, in the mean.
     error
@@ -42,14 +44,18 @@ class CloudSettings:
         lights apart. Suggested from the scene if not given.
     merge
         ``mean``, or ``harmonic`` as the paper has it, where every light of a group brings something.
-    patches
-        Of surfaces, whose light makes up for what no grid light has; 0 for the paper's cloud alone.
+    modes
+        Of bounced light at most, which make up for what no grid light has; 0 for the paper's cloud alone.
     interpolation
-        ``fitted`` to the light that falls on the patches, or the paper's ``kernel``: what relighting does by default.
+        ``fitted`` to what bounces of the light that falls, or the paper's ``kernel``: what relighting does by default.
     codes
         Coordinates in ``bytes`` or ``float16``.
     gather_rays
         From each vertex, a square number up to 16,384.
+    photons
+        Of each light, for what clear glass and mirrors send on; None for 65,536 where a material needs them.
+    glossy_order
+        Of the harmonics that glossy vertices send on, 1 to 16 (the paper's is 3); 0 shows all surfaces as diffuse.
     memory
         Bytes the bake may use; half of the machine's if not given.
 
@@ -69,19 +75,23 @@ class CloudSettings:
     w1: float | None = None
     w2: float | None = None
     merge: str = "mean"
-    patches: int = 256
+    modes: int = 256
     interpolation: str = "fitted"
     codes: str = "bytes"
     gather_rays: int = 1024
+    photons: int | None = None
     memory: int | None = None
+    glossy_order: int = 0
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
             ("lights", self.lights, 1, MOST_LIGHTS),
             ("zone", self.zone, 16, MOST_ZONE),
             ("clusters", 1 if self.clusters is None else self.clusters, 1, 1024),
-            ("patches", self.patches, 0, MOST_PATCHES),
+            ("modes", self.modes, 0, MOST_MODES),
             ("gather-rays", self.gather_rays, 1, MOST_RAYS),
+            ("glossy-order", self.glossy_order, 0, MOST_ORDER),
+            ("photons", 0 if self.photons is None else self.photons, 0, MOST_PHOTONS),
         ):
             if type(value) is not int or not least <= value <= most:
                 raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
@@ -106,10 +116,8 @@ class CloudSettings:
         ):
             if value not in choices:
                 raise InputError(name, f"{value!r}, expected {' or '.join(choices)}")
-        if self.interpolation == "fitted" and self.patches == 0:
-            raise InputError(
-                "interpolation", "fitted to the light on patches, of which there are 0; give more"
-            )
+        if self.interpolation == "fitted" and self.modes == 0:
+            raise InputError("interpolation", "fitted by means of modes, of which there are 0; give more")
         if self.box is not None:
             _check_box(self.box)
         if self.memory is not None and self.memory < LEAST_MEMORY:

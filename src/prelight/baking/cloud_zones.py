@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32, Positions
-from ..encoding.clustered_pca import Cluster, clustered_components
+from ..encoding.clustered_pca import Cluster, allocated, clustered_components
 from ..encoding.light_clustering import Groups, Pairs, merged, pair_distances
 from .cloud_columns import CloudColumns
 from .cloud_plan import VERTICES_A_CLUSTER
 from .cloud_settings import CloudSettings
-from .cloud_trials import Trials
+from .cloud_trials import Metric, Trials
 
 
 def zones_of(positions: Positions, most: int) -> list[Int32[np.ndarray, "some"]]:
@@ -54,13 +54,33 @@ class Lost:
 class Zone:
     """A zone as it is kept.
 
-    ``clusters`` name rows among ``vertices``; their bases have a number for each group of lights, then for each patch.
+    ``clusters`` name rows among ``vertices``; their bases have a number for each group of lights, then for each mode.
+    ``total``: squares of the zone's rows, as clusters count what they leave over.
     """
 
     vertices: Int32[np.ndarray, "vertices"]
     groups: Groups
     clusters: list[Cluster]
-    lost: Lost | None  # not measured without patches
+    total: float
+
+
+@dataclass(frozen=True)
+class Lamps:
+    """What is known of lamps in a scene with modes.
+
+    Attributes
+    ----------
+    usual
+        Lamps that tell how much lights and modes have to say.
+    lights
+        ``(lights,)`` how bright each light of the grid is.
+    held
+        Lamps (the columns ``held``) that errors are measured on.
+    """
+
+    usual: Trials
+    lights: Float64[np.ndarray, "lights"]
+    held: Trials
 
 
 def make_zone(
@@ -69,60 +89,72 @@ def make_zone(
     pairs: Pairs,
     *,
     w2: float,
-    lamps: tuple[tuple[float, float], Trials] | None,
+    lamps: Lamps | None,
 ) -> Zone:
     """Cluster the lights by equation 9, then the vertices by what of their rows components leave over.
 
-    ``lamps``: how much a light and a patch usually have to say, and lamps (the columns ``held``) that errors are
-    measured on. Without them every light counts alike, as in the paper.
+    There are more components than wanted: ``thinned`` chooses among those of all zones. Without ``lamps`` every light
+    counts alike, as in the paper.
     """
     settings = columns.plan.settings
     answers = columns.rows("lights", vertices)
     groups = merged(pair_distances(pairs, answers, w2=w2))
-    means = _merged_answers(answers, groups, settings.merge)
-    if columns.patches:
-        means = np.concatenate([means, columns.rows("patches", vertices)])
-    X = np.ascontiguousarray(means.transpose(2, 1, 0))
-    if lamps is None:
-        return Zone(vertices, groups, _clusters(X, settings), None)
-    weights = np.repeat(np.array(lamps[0], np.float32), [groups.count, columns.patches])
-    clusters = [_unweighted(c, weights) for c in _clusters(X * weights, settings)]
-    lost = _lost(columns, vertices, groups, lamps[1], answers=answers, X=X, clusters=clusters)
-    return Zone(vertices, groups, clusters, lost)
+    X = _columns_of(columns, vertices, answers, groups)
+    metric = None
+    if lamps is not None:
+        metric = Metric.of(lamps.usual, lamps.lights, group_of=groups.group_of, groups=groups.count)
+        X = metric.weighed(X)
+    areas = columns.areas[vertices]
+    own = settings.clusters or max(1, round(len(vertices) / VERTICES_A_CLUSTER))
+    clusters = clustered_components(
+        X, clusters=own, mean_components=_SPARE * settings.coefficients, error=settings.error, importance=areas,
+    )  # fmt: skip
+    total = float(np.einsum("v,cvn,cvn->", areas, X, X, dtype=np.float64, optimize=True))
+    if metric is not None:
+        clusters = [
+            replace(cluster, mean=metric.unweighed(cluster.mean), basis=metric.unweighed(cluster.basis))
+            for cluster in clusters
+        ]
+    return Zone(vertices, groups, clusters, total)
 
 
-def _lost(
-    columns: CloudColumns,
-    vertices: np.ndarray,
-    groups: Groups,
-    lamps: Trials,
-    *,
-    answers: np.ndarray,
-    X: np.ndarray,
-    clusters: list[Cluster],
-) -> Lost:
-    """What lamps that were solved in full lose, step by step."""
+_SPARE = 1.5  # times the coefficients wanted: what a zone may have more than others
+
+
+def thinned(zones: list[Zone], settings: CloudSettings) -> list[Zone]:
+    """With the coefficients wanted, where they gain most in the whole scene."""
+    every = [cluster for zone in zones for cluster in zone.clusters]
+    total = sum(zone.total for zone in zones)
+    kept = iter(allocated(every, mean_components=settings.coefficients, error=settings.error, total=total))
+    return [replace(zone, clusters=[next(kept) for _ in zone.clusters]) for zone in zones]
+
+
+def lost(columns: CloudColumns, zone: Zone, lamps: Trials) -> Lost:
+    """What lamps that were solved in full lose in a zone, step by step."""
+    vertices, groups = zone.vertices, zone.groups
     true = columns.rows("held", vertices).transpose(2, 1, 0).astype(np.float64)
-    own = answers.transpose(2, 1, 0)
-    lights = len(groups.group_of)
+    answers = columns.rows("lights", vertices)
+    X = _columns_of(columns, vertices, answers, groups)
+    own, lights = answers.transpose(2, 1, 0), len(groups.group_of)
     dense = own @ lamps.weights[:lights] + X[:, :, groups.count :] @ lamps.weights[lights:]
     of_groups = lamps.of_groups(groups.group_of, groups.count)
     grouped = X @ of_groups
     kept = np.empty_like(grouped)
-    for cluster in clusters:
+    for cluster in zone.clusters:
         for c in range(len(X)):
             kept[c, cluster.rows] = cluster.approximation(c) @ of_groups
     a = columns.areas[vertices][None, :, None].astype(np.float64)
-
     steps = (true, dense - true, grouped - dense, kept - grouped, kept - true)
     return Lost(np.stack([(a * np.square(step)).sum(axis=(0, 1)) for step in steps]))
 
 
-def _clusters(X: Float32[np.ndarray, "colours vertices columns"], settings: CloudSettings) -> list[Cluster]:
-    count = settings.clusters or max(1, round(X.shape[1] / VERTICES_A_CLUSTER))
-    return clustered_components(
-        X, clusters=count, mean_components=settings.coefficients, error=settings.error
-    )
+def _columns_of(
+    columns: CloudColumns, vertices: np.ndarray, answers: np.ndarray, groups: Groups
+) -> Float32[np.ndarray, "colours vertices columns"]:
+    means = _merged_answers(answers, groups, columns.plan.settings.merge)
+    if columns.modes:
+        means = np.concatenate([means, columns.rows("modes", vertices)])
+    return np.ascontiguousarray(means.transpose(2, 1, 0))
 
 
 def _merged_answers(answers: np.ndarray, groups: Groups, merge: str) -> np.ndarray:
@@ -135,9 +167,3 @@ def _merged_answers(answers: np.ndarray, groups: Groups, merge: str) -> np.ndarr
     lowest = np.full_like(means, np.inf)
     np.minimum.at(lowest, groups.group_of, answers)
     return np.where(lowest > 0, harmonic, means).astype(np.float32)
-
-
-def _unweighted(cluster: Cluster, weights: Float32[np.ndarray, "columns"]) -> Cluster:
-    return Cluster(
-        cluster.rows, [m / weights for m in cluster.means], [b / weights for b in cluster.basis], cluster.coordinates
-    )  # fmt: skip

@@ -18,17 +18,8 @@ from ..scene.mesh import short_name
 from ..storage.chunks import ArraySpec
 from ..storage.exitant_part import MOST_ORDER
 from ..storage.journal import BakeWriter
-from ..transport.exitant import (
-    CELLS,
-    SUBRAYS,
-    Lobes,
-    Report,
-    Seen,
-    glossy_rows,
-    least_width,
-    lobes_of,
-    seen_from,
-)
+from ..transport.exitant import Lobes, glossy_rows, least_width, lobes_of
+from ..transport.seen_cells import CELLS, SUBRAYS, Glazing, Report, Seen, seen_from
 
 _WIDEST = 1.25  # α·R of ``SurfaceScene``: the highlights that it leaves alone
 _RAYS_A_SECOND = 8e6  # of two cores, measured
@@ -55,6 +46,7 @@ class ExitantPart:
         *,
         order: int,
         origins: Positions | None = None,
+        glazing: Glazing | None = None,
         seed: int = 0,
         report: Report | None = None,
     ) -> ExitantPart | None:
@@ -66,6 +58,8 @@ class ExitantPart:
             Of the harmonics, 1 to 16. Highlights narrower than they hold are widened, and ``notes`` say so.
         origins
             ``(V, 3)`` where rays begin before they are lifted; the vertices themselves if not given.
+        glazing
+            What the sky is seen through, if through panes alone.
 
         Raises InputError for an order out of range.
         """
@@ -78,8 +72,9 @@ class ExitantPart:
         lobes = lobes_of(scene, surfaces, rows, order)
         origins = scene.positions if origins is None else origins
         seen = seen_from(
-            occluders, scene, origins=origins[rows], normals=scene.normals[rows], seed=seed, report=report
-        )
+            occluders, scene, origins=origins[rows], normals=scene.normals[rows], glazing=glazing, seed=seed,
+            report=report,
+        )  # fmt: skip
         notes = lobes.notes
         if wide := surfaces.widened:
             names = ", ".join(short_name(name) for name in wide[:4]) + (", …" if len(wide) > 4 else "")
@@ -152,6 +147,8 @@ def write_exitant(writer: BakeWriter, at: str, part: ExitantPart) -> dict[str, A
         "strength": lobes.strength,
         "reflectance": lobes.reflectance,
     }
+    if seen.panes is not None:
+        parts["panes"] = seen.panes
     chunks, arrays = {}, {}
     for name, values in parts.items():
         whole = values if values.size else np.zeros(1, values.dtype)  # an array has no empty shape

@@ -100,9 +100,11 @@ def identity(plan: PortalsPlan) -> dict[str, int | float | str | None]:
     digest = _digest(
         portals.corners, portals.pane_of, portals.portal_of_pane, portals.pane_tints, portals.tints
     )
+    if settings.spectrum is not None:
+        asked["spectrum"] = json.dumps([float(f"{energy:.6g}") for energy in settings.spectrum])
     return {
         "kind": LAYER, "scene": plan.room.scene.digest, "portals": digest, **asked, "bounces": bounces,
-        "suns": int(settings.suns), **software(),
+        "suns": int(settings.suns), "glossy_order": settings.glossy_order, "photons": plan.room.photons, **software(),
     }  # fmt: skip
 
 
@@ -133,19 +135,20 @@ def _made(plan: PortalsPlan, writer: BakeWriter, report: Report) -> Manifest:
     _write_direct(written, direct)
     if indirect is not None:
         _write_indirect(written, indirect)
+    gloss = {} if room.gloss is None else written.write_gloss(f"layers/{LAYER}/glossy", room.gloss)
     layer = LayerRecord(
         kind=LAYER,
         basis_lights=len(room.portals) * 6 * settings.cube**2,
         coefficients=len(direct.rows),
-        rays=direct.rays + (indirect.rays if indirect else 0),
-        parameters=_parameters(plan, indirect),
-        statistics=_statistics(plan, direct, indirect),
+        rays=direct.rays + (indirect.rays if indirect else 0) + int(gloss.get("glossy_rays", 0)),
+        parameters=_parameters(plan, indirect) | ({"glossy_order": settings.glossy_order} if gloss else {}),
+        statistics=_statistics(plan, direct, indirect) | gloss,
     )
     return Manifest(
         format=FORMAT,
         version=VERSION,
         settings=identity(plan),
-        scene=scene_record(room.scene, room.notes),
+        scene=scene_record(room.scene, (*room.notes, *(room.gloss.notes if room.gloss else ()))),
         layers={LAYER: layer},
         arrays=written.arrays,
         chunks=written.chunks,
@@ -157,10 +160,9 @@ def _write_portals(written: WrittenArrays, room: PortalsRoom) -> None:
     portals, at = room.portals, f"layers/{LAYER}"
     for name, values in (
         ("centres", portals.centres), ("areas", portals.areas), ("extents", portals.extents),
-        ("outward", room.openness.outward), ("tints", portals.tints), ("pane_tints", portals.pane_tints),
+        ("outward", room.openness.outward), ("tints", portals.tints),
     ):  # fmt: skip
         written.write(f"{at}/{name}", np.ascontiguousarray(values, np.float32))
-    written.write(f"{at}/portal_of_pane", portals.portal_of_pane)
     if len(portals.glass):
         triangles = room.scene.triangles[portals.glass]
         vertices, first = np.unique(triangles, return_index=True)
@@ -169,6 +171,17 @@ def _write_portals(written: WrittenArrays, room: PortalsRoom) -> None:
             written.write(f"{at}/glass", vertices[bare].astype(np.int32))
             of = np.repeat(portals.portal_of_glass, 3)[first]
             written.write(f"{at}/glass_portal", of[bare].astype(np.int32))
+    _write_openings(written, room)
+
+
+def _write_openings(written: WrittenArrays, room: PortalsRoom) -> None:
+    """What rays to a sun need at run time: the portals' triangles, where receivers look from, what is glass."""
+    portals, at = room.portals, f"layers/{LAYER}/openings"
+    written.write(f"{at}/corners", np.ascontiguousarray(portals.corners, np.float32))
+    written.write(f"{at}/pane_of", portals.pane_of.astype(np.int32))
+    written.write(f"{at}/origins", np.ascontiguousarray(room.origins, np.float32))
+    if len(portals.glass):
+        written.write(f"{at}/glass_triangles", np.sort(portals.glass).astype(np.int32))
 
 
 def _write_direct(written: WrittenArrays, direct: DirectLight) -> None:
@@ -176,7 +189,10 @@ def _write_direct(written: WrittenArrays, direct: DirectLight) -> None:
     for name in ("kind", "scale", "row_runs", "runs", "data"):
         written.write(f"{at}/{name}", getattr(rows, name))
     written.write(f"{at}/receiver", direct.receiver.astype(np.int32))
-    written.write(f"{at}/pane_rows", direct.pane_rows)
+    for name in ("pane_rows", "portal_of_pane", "pane_tints"):
+        written.write(f"{at}/{name}", getattr(direct, name))
+    if direct.pane_caustic.any():
+        written.write(f"{at}/pane_caustic", direct.pane_caustic)
 
 
 def _write_indirect(written: WrittenArrays, indirect: IndirectLight) -> None:
@@ -199,7 +215,7 @@ def _parameters(plan: PortalsPlan, indirect: IndirectLight | None) -> dict[str, 
         "bounces": 0 if indirect is None else "all" if settings.bounces is None else settings.bounces,
         "order": None if indirect is None else indirect.order, "gather_rays": settings.gather_rays,
         "group": wish.group, "exterior_distance": distance, "theta_deg": wish.theta_deg, "returned": settings.returned,
-        "seed": settings.seed,
+        "photons": plan.room.photons, "seed": settings.seed,
     }  # fmt: skip
 
 
@@ -214,6 +230,8 @@ def _statistics(
         "largest_extent": advice.extent, "angle_deg": advice.angle_deg, "least_distance": advice.least_distance,
         "returned_distance": advice.returned_distance,
     }  # fmt: skip
+    if plan.room.caustics is not None:
+        told |= {"photons_traced": plan.room.caustics.emitted, "caustic_noise": plan.room.caustics.noise}
     if indirect is not None:
         told |= {
             "bounced_modes": indirect.modes.shape[1], "bounced_left_out": indirect.left_out,

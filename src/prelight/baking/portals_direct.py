@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64
+from ..arrays import Float32, Int32, Int64, UInt8
 from ..bases.harmonic_cells import cell_harmonics
 from ..encoding.pulse_or_haar import Choice, RunRows, encoded, slots_for
 from ..storage.chunks import ChunkRecord, open_chunk
@@ -39,6 +39,9 @@ class DirectLight:
         Of pulses or Haar.
     rays
         That were sent.
+    portal_of_pane, pane_tints, pane_caustic
+        ``(panes,)``, ``(panes, 3)`` and ``(panes,)``: the portals' panes, then where glass or a mirror in the room
+        sends their light on, as many again (or three times as many, a colour each) that hold what it sends, marked 1.
     """
 
     rows: RunRows
@@ -46,6 +49,9 @@ class DirectLight:
     pane_rows: Int64[np.ndarray, "panes_and_one"]
     choice: Choice
     rays: int
+    portal_of_pane: Int32[np.ndarray, "panes"]
+    pane_tints: Float32[np.ndarray, "panes 3"]
+    pane_caustic: UInt8[np.ndarray, "panes"]
 
     def harmonics(
         self, room: PortalsRoom, portal: int, bands: slice, *, channels: int, functions: int
@@ -54,19 +60,16 @@ class DirectLight:
         means, _ = cell_harmonics(round(functions**0.5) - 1, self.rows.resolution)
         columns = np.ascontiguousarray(means[:, bands])
         out = np.zeros((len(room.scene.positions), columns.shape[1], channels), np.float32)
-        portals = room.portals
-        for pane in np.flatnonzero(portals.portal_of_pane == portal):
+        for pane in np.flatnonzero(self.portal_of_pane == portal):
             first, last = int(self.pane_rows[pane]), int(self.pane_rows[pane + 1])
             found = self.rows.times(columns, first, last)
-            out[self.receiver[first:last]] += (
-                found[:, :, None] * portals.pane_tints[pane, None, None, :channels]
-            )
+            out[self.receiver[first:last]] += found[:, :, None] * self.pane_tints[pane, None, None, :channels]
         return out
 
 
 def bake_direct(room: PortalsRoom, writer: BakeWriter, report: Share) -> DirectLight:
     """Trace what the journal does not have yet."""
-    rays, count = room.rays, len(room.scene.positions)
+    count = len(room.scene.positions)
     step = rows_of_tile(room)
     firsts = range(0, count, step)
     kept = {entry["tile"]: entry for entry in writer.entries if "tile" in entry}
@@ -74,12 +77,12 @@ def bake_direct(room: PortalsRoom, writer: BakeWriter, report: Share) -> DirectL
     for k, first in enumerate(firsts):
         if k not in kept:
             began = time.perf_counter()
-            parts, sent = _tile(room, first, min(step, count - first))
+            parts, sent = _tile(room, k, slice(first, min(first + step, count)))
             kept[k] = _keep(writer, k, parts, {"rays": sent, "began": began})
         entries.append(kept[k])
         report((k + 1) / len(firsts))
     tiles = [_read(writer, entry) for entry in entries]
-    return _gathered(tiles, rays.panes, room.settings.cube, rays=sum(entry["rays"] for entry in entries))
+    return _gathered(tiles, room, rays=sum(entry["rays"] for entry in entries))
 
 
 def rows_of_tile(room: PortalsRoom) -> int:
@@ -87,30 +90,39 @@ def rows_of_tile(room: PortalsRoom) -> int:
     return max(16, min(LANES // room.settings.rays, slots_for(room.settings.cube) // room.rays.panes))
 
 
-def _tile(room: PortalsRoom, first: int, rows: int) -> tuple[dict[str, np.ndarray], int]:
-    found = room.rays.trace(first, rows)
+def _tile(room: PortalsRoom, number: int, some: slice) -> tuple[dict[str, np.ndarray], int]:
+    found, receivers = room.rays.trace(some.start, some.stop - some.start), room.order[some]
     # Pairs that no ray comes through, most of them where there are many panes, make no rows.
     seen = np.add.reduceat(np.append(found.weight, 0), found.starts[:-1]) * (np.diff(found.starts) > 0)
     lit = np.flatnonzero(seen > 0)
     parts = {name: [] for name in _PARTS}
-    for start in range(0, max(len(lit), 1), slots_for(room.settings.cube)):
-        pairs = lit[start : start + slots_for(room.settings.cube)]
-        _encode(room, found, pairs, first, parts)
+    panes, cube = room.rays.panes, room.settings.cube
+    _encode(found, lit, receivers, range(panes), cube, parts)
+    if room.caustics is not None:
+        sent_on = room.caustics.rows(receivers.astype(np.int64), cube, number=number)
+        more = range(panes, panes * (1 + room.caustics.colours))
+        _encode(sent_on, np.flatnonzero(np.diff(sent_on.starts)), receivers, more, cube, parts)
     return {name: np.concatenate(values) for name, values in parts.items()}, found.rays
 
 
-def _encode(room: PortalsRoom, found: Any, pairs: np.ndarray, first: int, parts: dict[str, list]) -> None:
-    lengths = np.diff(found.starts)[pairs]
-    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    lane = np.repeat(found.starts[pairs] - starts[:-1], lengths) + np.arange(starts[-1])
-    rows, kept, figures = encoded(starts, found.cell[lane], found.weight[lane], room.settings.cube)
-    receiver, pane = np.divmod(pairs[kept], room.rays.panes)
-    for name, values in (
-        ("receiver", room.order[first + receiver]), ("pane", pane), ("kind", rows.kind), ("scale", rows.scale),
-        ("counts", np.stack([np.diff(rows.row_runs), np.diff(rows.row_bytes)], axis=1).astype(np.int32)),
-        ("runs", rows.runs), ("data", rows.data), ("figures", figures[kept]),
-    ):  # fmt: skip
-        parts[name].append(values)
+def _encode(
+    found: Any, lit: np.ndarray, receivers: np.ndarray, panes: range, cube: int, parts: dict[str, list]
+) -> None:
+    """Rows of the pairs (receiver, one of these panes) that are lit."""
+    step = slots_for(cube)
+    for begin in range(0, max(len(lit), 1), step):
+        pairs = lit[begin : begin + step]
+        lengths = np.diff(found.starts)[pairs]
+        starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        lane = np.repeat(found.starts[pairs] - starts[:-1], lengths) + np.arange(starts[-1])
+        rows, kept, figures = encoded(starts, found.cell[lane], found.weight[lane], cube)
+        receiver, pane = np.divmod(pairs[kept], len(panes))
+        for name, values in (
+            ("receiver", receivers[receiver]), ("pane", panes.start + pane), ("kind", rows.kind), ("scale", rows.scale),
+            ("counts", np.stack([np.diff(rows.row_runs), np.diff(rows.row_bytes)], axis=1).astype(np.int32)),
+            ("runs", rows.runs), ("data", rows.data), ("figures", figures[kept]),
+        ):  # fmt: skip
+            parts[name].append(values)
 
 
 _TYPES = {
@@ -148,12 +160,27 @@ def _read(writer: BakeWriter, entry: dict[str, Any]) -> dict[str, np.ndarray]:
     return out
 
 
-def _gathered(tiles: list[dict[str, np.ndarray]], panes: int, resolution: int, *, rays: int) -> DirectLight:
+def _gathered(tiles: list[dict[str, np.ndarray]], room: PortalsRoom, *, rays: int) -> DirectLight:
     """All tiles' rows, by pane and receiver."""
     whole_ = {name: np.concatenate([tile[name] for tile in tiles]) for name in _PARTS}
     row_runs = np.concatenate([[0], np.cumsum(whole_["counts"][:, 0], dtype=np.int64)])
-    rows = RunRows(resolution, whole_["kind"], whole_["scale"], row_runs, whole_["runs"], whole_["data"])
+    rows = RunRows(
+        room.settings.cube, whole_["kind"], whole_["scale"], row_runs, whole_["runs"], whole_["data"]
+    )
     order = np.lexsort((whole_["receiver"], whole_["pane"]))
-    pane_rows = np.searchsorted(whole_["pane"][order], np.arange(panes + 1)).astype(np.int64)
+    panes = _panes(room)
+    pane_rows = np.searchsorted(whole_["pane"][order], np.arange(len(panes[0]) + 1)).astype(np.int64)
     choice = Choice.of(whole_["figures"].astype(np.float64))
-    return DirectLight(rows.chosen(order), whole_["receiver"][order], pane_rows, choice, rays)
+    return DirectLight(rows.chosen(order), whole_["receiver"][order], pane_rows, choice, rays, *panes)
+
+
+def _panes(room: PortalsRoom) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The portal of each pane, its tint, and whether it holds what glass and mirrors send on."""
+    of, tints = room.portals.portal_of_pane, np.asarray(room.portals.pane_tints, np.float32)
+    colours = 0 if room.caustics is None else room.caustics.colours
+    shown = np.eye(3, dtype=np.float32) if colours == 3 else np.ones((colours, 3), np.float32)
+    return (
+        np.concatenate([of, np.repeat(of, colours)]).astype(np.int32),
+        np.concatenate([tints, (tints[:, None] * shown).reshape(-1, 3)]),
+        np.repeat(np.array([0, 1], np.uint8), [len(of), len(of) * colours]),
+    )

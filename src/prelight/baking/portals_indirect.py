@@ -11,7 +11,7 @@ bring, and the operator's transpose then tells how much of each mode any column 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -85,7 +85,7 @@ def bake_indirect(room: PortalsRoom, direct: DirectLight, report: Share) -> Indi
     """Trace the operator, bounce, and factor."""
     settings = room.settings
     gathering = Gathering.trace(
-        room.open, room.occluders, origins=room.origins, rays=settings.gather_rays, seed=settings.seed,
+        room.bouncing, room.occluders, origins=room.origins, rays=settings.gather_rays, seed=settings.seed,
         memory=settings.memory, report=lambda share: report(0.4 * share),
     )  # fmt: skip
     work = _Columns(room, direct, gathering, lambda share: report(0.4 + 0.6 * share))
@@ -97,7 +97,7 @@ class _Columns:
 
     def __init__(self, room: PortalsRoom, direct: DirectLight, gathering: Gathering, report: Share) -> None:
         self.room, self.direct, self.gathering, self.report = room, direct, gathering, report
-        self.tinted = bool((room.portals.pane_tints != room.portals.pane_tints[:, :1]).any())
+        self.tinted = bool((direct.pane_tints != direct.pane_tints[:, :1]).any())
         self.colours = 1 if gathering.is_grey and not self.tinted else 3
         self.most = room.settings.bounces
         self.worst = (0, 0.0)
@@ -123,8 +123,11 @@ class _Columns:
             bands.append(self._band(band, order))
             energies.append(np.stack([_largest(part) for part in bands[-1]]))
             self.report((band + 1) ** 2 / (order + 1) ** 2)
-            accuracy = self.room.settings.accuracy
-            if accuracy is not None and held_share(np.array(energies).transpose(1, 0, 2)) >= accuracy:
+            accuracy, spectrum = self.room.settings.accuracy, self.room.settings.spectrum
+            if (
+                accuracy is not None
+                and held_share(np.array(energies).transpose(1, 0, 2), spectrum) >= accuracy
+            ):
                 break
         light = np.concatenate(bands, axis=2)  # (P, V, functions, colours)
         P, V, K, C = light.shape
@@ -135,21 +138,22 @@ class _Columns:
     def _band(self, band: int, order: int) -> Float32[np.ndarray, "portals vertices functions colours"]:
         functions = spherical_harmonics.count(order)
         own = slice(band * band, (band + 1) ** 2)
-        out = []
-        for portal in range(len(self.room.portals)):
-            D = self.direct.harmonics(self.room, portal, own, channels=self.colours, functions=functions)
-            out.append(D)
-        light = np.concatenate(out, axis=1)
+        portals = len(self.room.portals)
+        light = np.concatenate([self._direct(p, functions, own) for p in range(portals)], axis=1)
+        sent_on = self._sent_on(range(portals), functions, own)
         for start in range(0, light.shape[1], COLUMNS):
-            light[:, start : start + COLUMNS] = self._solved(
-                self.gathering, np.ascontiguousarray(light[:, start : start + COLUMNS]), self.most
-            )
-        return np.stack(np.split(light, len(out), axis=1))
+            some = slice(start, start + COLUMNS)
+            light[:, some] = self._solved(self.gathering, light[:, some], self.most, _part(sent_on, some))
+        return np.stack(np.split(light, portals, axis=1))
 
-    def _solved(self, operator: Gathering, D: np.ndarray, most: int | None) -> np.ndarray:
-        result: Bounced = bounced(operator, D, tolerance=TOLERANCE, most=most)
+    def _solved(
+        self, operator: Gathering, D: np.ndarray, most: int | None, sent_on: np.ndarray | None = None
+    ) -> np.ndarray:
+        """What bounces of direct light, and of bounced light that glass and mirrors sent on; with that itself."""
+        light = np.ascontiguousarray(D if sent_on is None else D + sent_on)
+        result: Bounced = bounced(operator, light, tolerance=TOLERANCE, most=most)
         self.worst = (max(self.worst[0], result.bounces), max(self.worst[1], result.remaining))
-        return result.indirect
+        return result.indirect if sent_on is None else result.indirect + sent_on
 
     # ---- each portal by itself ----------------------------------------------------------------------
 
@@ -158,10 +162,10 @@ class _Columns:
         portals, K, C = len(self.room.portals), spherical_harmonics.count(order), self.colours
         found, worst = [], 0.0
         for p in range(portals):
-            light = self._direct(p, K)
+            light, sent_on = self._direct(p, K), self._sent_on([p], K)
             for start in range(0, K, COLUMNS):
-                some = np.ascontiguousarray(light[:, start : start + COLUMNS])
-                light[:, start : start + COLUMNS] = self._solved(self.gathering, some, self.most)
+                some = slice(start, start + COLUMNS)
+                light[:, some] = self._solved(self.gathering, light[:, some], self.most, _part(sent_on, some))
             flat = light.reshape(len(light), K * C)
             modes, weights, left = factored(flat, portals=1, most=_MOST_OWN // portals)
             found.append((modes, weights.reshape(K, C, -1)))
@@ -180,18 +184,24 @@ class _Columns:
         P, K, V = len(room.portals), spherical_harmonics.count(order), self.gathering.rows
         rng = np.random.default_rng(np.random.SeedSequence([room.settings.seed, _STAGE]))
         mixed = np.zeros((C, V, MOST_MODES), np.float32)
+        mixed_on = np.zeros_like(mixed) if room.photons else None
         for p in range(P):
-            D = self._direct(p, K)
+            D, sent_on = self._direct(p, K), self._sent_on([p], K)
             strength = max(float(np.sqrt(np.square(D, dtype=np.float64).sum())), 1e-30)
             numbers = (rng.standard_normal((C, K, MOST_MODES)) / strength).astype(np.float32)
             for c in range(C):
                 mixed[c] += turned(np.ascontiguousarray(D[:, :, c]), numbers[c].astype(np.float64))
+                if mixed_on is not None and sent_on is not None:
+                    own = np.ascontiguousarray(sent_on[:, :, c])
+                    mixed_on[c] += turned(own, numbers[c].astype(np.float64))
         seen = []
         for start in range(0, MOST_MODES, COLUMNS):
-            some = np.ascontiguousarray(np.moveaxis(mixed[:, :, start : start + COLUMNS], 0, 2))
-            seen.append(self._solved(self.gathering, some, self.most))
+            some = slice(start, start + COLUMNS)
+            D = np.moveaxis(mixed[:, :, some], 0, 2)
+            sent_on = None if mixed_on is None else np.moveaxis(mixed_on[:, :, some], 0, 2)
+            seen.append(self._solved(self.gathering, D, self.most, sent_on))
             self.report(0.5 * (start + COLUMNS) / MOST_MODES)
-        del mixed
+        del mixed, mixed_on
         flat = np.concatenate(seen, axis=1).reshape(V, -1)
         scale = 1 / np.maximum(np.sqrt(np.diag(gram(flat))), 1e-30)
         modes = _orthonormal(flat, scale, MOST_MODES)
@@ -202,9 +212,24 @@ class _Columns:
         bands = slice(0, functions) if bands is None else bands
         return self.direct.harmonics(self.room, portal, bands, channels=self.colours, functions=functions)
 
+    def _sent_on(
+        self, portals: Iterable[int], functions: int, bands: slice | None = None
+    ) -> Float32[np.ndarray, "vertices functions colours"] | None:
+        """What glass and mirrors send of light that has bounced, of one portal after another; None if nothing does."""
+        caustics, order = self.room.caustics, round(functions**0.5) - 1
+        if caustics is None:
+            return None
+        bands, panes = slice(0, functions) if bands is None else bands, self.room.portals
+        found = []
+        for p in portals:
+            own = np.flatnonzero(panes.portal_of_pane == p)
+            light = caustics.bounced_harmonics(own, panes.pane_tints[own], bands, order=order)
+            found.append(light[:, :, : self.colours])
+        return np.concatenate(found, axis=1)
+
     def _answers(self, modes: np.ndarray, P: int, K: int) -> np.ndarray:
         """How much of each mode every column brings: the operator's transpose on the modes."""
-        spreading = Spreading(self.gathering, self.room.open)
+        spreading = Spreading(self.gathering, self.room.bouncing)
         backwards = cast(Gathering, spreading)  # of one, solving needs no more than ``bounce``
         m, C = modes.shape[1], self.colours
         Q = np.empty((C, len(modes), m), np.float32)
@@ -215,10 +240,12 @@ class _Columns:
             self.report(0.5 + 0.4 * (start + COLUMNS) / m)
         weights = np.zeros((P, K, C, m))
         for p in range(P):
-            D = self._direct(p, K)
+            D, sent_on = self._direct(p, K), self._sent_on([p], K)
             for c in range(C):
                 found = np.zeros((K, m))
                 answers(np.ascontiguousarray(D[:, :, c].T), Q[c], found)
+                if sent_on is not None:
+                    answers(np.ascontiguousarray(sent_on[:, :, c].T), Q[c] + modes, found)
                 weights[p, :, c] = found
         return weights
 
@@ -227,7 +254,10 @@ class _Columns:
         P, K = weights.shape[:2]
         chosen = [(int(rng.integers(P)), int(rng.integers(K))) for _ in range(COLUMNS)]
         D = np.concatenate([self._direct(p, K, slice(k, k + 1)) for p, k in chosen], axis=1)
-        truth = self._solved(self.gathering, D, self.most)
+        sent_on = [self._sent_on([p], K, slice(k, k + 1)) for p, k in chosen]
+        parts = [part for part in sent_on if part is not None]
+        whole_on = np.concatenate(parts, axis=1) if parts else None
+        truth = self._solved(self.gathering, D, self.most, whole_on)
         said = np.stack([turned(modes, weights[p, k].T) for p, k in chosen], axis=1)
         whole = np.square(truth, dtype=np.float64).sum()
         return float(np.sqrt(np.square(truth - said, dtype=np.float64).sum() / max(whole, 1e-300)))
@@ -255,7 +285,7 @@ class _Columns:
         room = self.room
         if not room.settings.suns:
             return None
-        first = thinned_operator(self.gathering, room.open, rays=room.settings.gather_rays)
+        first = thinned_operator(self.gathering, room.bouncing, rays=room.settings.gather_rays)
         D = self._direct(0, 1)[:, 0]
         light = np.ascontiguousarray(np.broadcast_to(D, (len(D), 3)))
         true = self.gathering.bounce(np.ascontiguousarray(D[:, None]))[:, 0]
@@ -290,14 +320,25 @@ def factored(
     return modes, weights, float(missing[kept - 1])
 
 
-def held_share(energy: Float64[np.ndarray, "portals orders colours"]) -> float:
+def _part(light: np.ndarray | None, some: slice) -> np.ndarray | None:
+    """Some functions of it."""
+    return None if light is None else light[:, some]
+
+
+def held_share(
+    energy: Float64[np.ndarray, "portals orders colours"], spectrum: Sequence[float] | None = None
+) -> float:
     """The share of the energy that these orders hold, of the worst portal; 0 before there are three orders.
+
+    ``spectrum`` is how much a sky has of each order; all have as much if not given.
 
     What is beyond is taken to fall on as the last two orders fell: one alone may be dark by symmetry.
     """
     total = energy.sum(axis=2)
     if total.shape[1] < 3:
         return 0.0
+    if spectrum is not None:
+        total = total * np.asarray(spectrum, np.float64)[: total.shape[1]]
     fall = np.sqrt(total[:, -1] / np.maximum(total[:, -3], 1e-300))
     fall = np.clip(fall, 0.0, 0.95)
     beyond = np.maximum(total[:, -1], total[:, -2] * fall) * fall / (1 - fall)

@@ -11,6 +11,7 @@ from ..bases import spherical_harmonics
 from ..encoding.pulse_or_haar import encoded, size_of
 from ..errors import InputError
 from ..scene.geometry import Scene
+from ..transport.specular import as_photons_see
 from .bounced_plan import tried_rows
 from .environment_plan import machine_memory
 from .portals_advice import PortalsAdvice, advise
@@ -23,6 +24,7 @@ _BYTES_PER_LANE = 48
 _LANES = 1 << 22
 _PILOT_ROWS = 512
 _ROW_BYTES = 17  # on disk besides runs and bytes
+_SECONDS_PER_PHOTON, _BYTES_PER_PHOTON = 1e-5, 150  # with the rows of what half of them bring
 _PRODUCTS = 8
 _ENTRY_COLUMNS = 2.0e9  # a second, of products, on two cores
 _MIXTURES = 2 * 124 + 31
@@ -46,10 +48,22 @@ class PortalsPlan:
     memory: int  # bytes, peak of the process
     bytes: int  # on disk
     advice: PortalsAdvice
+    photons: int = 0  # for caustics
 
     def summary(self) -> dict[str, float | int | list[str] | dict[str, float]]:
         """What ``--dry-run --json`` prints."""
-        names = ("receivers", "triangles", "portals", "panes", "rays", "rows", "seconds", "memory", "bytes")
+        names = (
+            "receivers",
+            "triangles",
+            "portals",
+            "panes",
+            "rays",
+            "rows",
+            "seconds",
+            "memory",
+            "bytes",
+            "photons",
+        )
         advice = {
             "largest_extent": self.advice.extent, "angle_deg": self.advice.angle_deg,
             "least_distance": self.advice.least_distance, "returned_distance": self.advice.returned_distance,
@@ -72,6 +86,8 @@ def plan_portals(scene: Scene, settings: PortalsSettings) -> PortalsPlan:
     """
     room = PortalsRoom(scene, settings)
     V, portals = len(scene.positions), room.portals
+    if room.photons:
+        as_photons_see(room.open)  # refuses what photons cannot carry before anything is paid
     rays, rows, size, direct_seconds = _tried(room)
     entries, gather_seconds = (0.0, 0.0)
     columns = 0
@@ -83,9 +99,11 @@ def plan_portals(scene: Scene, settings: PortalsSettings) -> PortalsPlan:
         columns = len(portals) * spherical_harmonics.count(settings.order)
     held = min(columns, _MIXTURES)  # in memory at a time
     columns = columns if len(portals) <= _EACH else held
+    direct_seconds += _SECONDS_PER_PHOTON * room.photons
     seconds = direct_seconds + gather_seconds + _PRODUCTS * 3 * columns * entries / _ENTRY_COLUMNS
     memory = _PROCESS_BYTES + _BYTES_PER_TRIANGLE * len(scene.triangles) + 3 * size + _LANES * _BYTES_PER_LANE
     memory += int(12 * V * (3 * held + 150)) if columns else 0
+    memory += int(_BYTES_PER_PHOTON * room.photons)
     allowed = settings.memory or machine_memory() // 2
     if memory > allowed:
         least = memory / 1e9 + 0.05
@@ -97,7 +115,7 @@ def plan_portals(scene: Scene, settings: PortalsSettings) -> PortalsPlan:
     return PortalsPlan(
         room, settings, V, len(scene.triangles), len(portals), len(portals.portal_of_pane), rays, rows, seconds,
         memory, int(size + (52 + kept) * V + 16 * len(scene.triangles)),
-        advise(portals, settings),
+        advise(portals, settings), room.photons,
     )  # fmt: skip
 
 

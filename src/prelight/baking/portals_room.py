@@ -8,19 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Int32, Positions
+from ..arrays import Int32, Normals, Positions
 from ..errors import InputError
 from ..rays.mitsuba import Occluders, triangle_scene
 from ..scene.geometry import Scene
 from ..scene.portals import Portals, find_portals
 from ..transport.ordering import receiver_order
+from ..transport.portal_caustics import PortalCaustics
 from ..transport.portal_light import PortalRays
-from ..transport.portal_openness import Openness, portal_openness
+from ..transport.portal_openness import Openness, portal_openness, through_others
+from ..transport.seen_cells import Glazing
+from ..transport.specular import specular_materials, without_specular
 from ..transport.vantage import vantage_points
+from .environment_settings import PHOTONS
+from .exitant import ExitantPart
 from .portals_settings import PortalsSettings
 
 _CLOSED = 0.0  # share of free rays on the open side: light cannot leave
 _OUTSIDE = 0.995  # share of free rays on either side: nothing of the room is near
+_WITHIN = 0.98  # share of free rays through other portals: what is not flat, as panes are, stands in the room
+_MOST_LAYERS = 4  # panes that a ray from a glossy vertex may pass
 _THROUGH_TWO = 1e-3  # share of free rays through another pane: rays then count for the last one
 
 
@@ -68,11 +75,56 @@ class PortalsRoom:
     def rays(self) -> PortalRays:
         """Of the receivers in that order."""
         settings = self.settings
+        return self.rays_from(
+            self.origins[self.order],
+            self.open.normals[self.order],
+            resolution=settings.cube,
+            rays=settings.rays,
+        )
+
+    def rays_from(
+        self, origins: Positions, normals: Normals, *, resolution: int, rays: int, alike: bool = False
+    ) -> PortalRays:
+        """Of any receivers; ``alike`` to the same points for all of them."""
         return PortalRays(
-            self.occluders, self.portals, origins=self.origins[self.order], normals=self.open.normals[self.order],
-            resolution=settings.cube, rays=settings.rays, seed=settings.seed,
-            glass=self._glass, layered=self.openness.behind > _THROUGH_TWO,
+            self.occluders, self.portals, origins=origins, normals=normals, resolution=resolution, rays=rays,
+            seed=self.settings.seed, glass=self._glass, layered=self.openness.behind > _THROUGH_TWO, alike=alike,
         )  # fmt: skip
+
+    @cached_property
+    def photons(self) -> int:
+        """That are traced for caustics: none where no material needs them."""
+        wanted = PHOTONS if self.settings.photons is None else self.settings.photons
+        return wanted if specular_materials(self.open).any() else 0
+
+    @cached_property
+    def caustics(self) -> PortalCaustics | None:
+        """What glass and mirrors in the room send of what comes in; traced when first asked for."""
+        if not self.photons:
+            return None
+        layered = self.openness.behind > _THROUGH_TWO
+        return PortalCaustics(
+            self.open, self.occluders, self.portals.corners, self.portals.pane_of, photons=self.photons,
+            glass=self._glass if layered else None, seed=self.settings.seed,
+        )  # fmt: skip
+
+    @cached_property
+    def gloss(self) -> ExitantPart | None:
+        """What glossy vertices see, and through which pane the sky; None where that is not wanted."""
+        if not (order := self.settings.glossy_order):
+            return None
+        layers = _MOST_LAYERS if self.openness.behind > _THROUGH_TWO else 1
+        glazing = Glazing(self._glass, self.portals.pane_of.astype(np.int32), layers)
+        seed = self.settings.seed
+        return ExitantPart.of(
+            self.open, self.occluders, order=order, origins=self.origins, glazing=glazing, seed=seed
+        )
+
+    @cached_property
+    def bouncing(self) -> Scene:
+        """``open`` as light bounces in it: what photons carry is black, and gloss sends on all that it reflects."""
+        room = self.open if self.gloss is None else self.gloss.bouncing(self.open)
+        return without_specular(room) if self.photons else room
 
     @cached_property
     def _glass(self) -> Any:
@@ -82,26 +134,27 @@ class PortalsRoom:
     def _checked(self, portals: Portals) -> tuple[Portals, tuple[str, ...]]:
         """Portals without those that are none; raises InputError for one that was asked for, and if none is left."""
         bare = without_triangles(self.scene, portals.glass)
-        found = portal_openness(Occluders(bare.positions, bare.triangles), portals)
+        occluders = Occluders(bare.positions, bare.triangles)
+        found = portal_openness(occluders, portals)
         closed, outside = found.free[:, 0] <= _CLOSED, found.free[:, 1] >= _OUTSIDE
-        if not (closed | outside).any():
+        round_ = np.flatnonzero(~found.outward.any(axis=1) & ~closed & ~outside)
+        within = np.zeros_like(closed)
+        within[round_] = through_others(occluders, portals, round_) >= _WITHIN
+        none = closed | outside | within
+        if not none.any():
             return portals, ()
-        wrong = int(np.flatnonzero(closed | outside)[0])
-        why = (
-            "light cannot leave through it"
-            if closed[wrong]
-            else "it lies outside: the sky is on both of its sides"
-        )
+        wrong = int(np.flatnonzero(none)[0])
+        why = "it lies outside: the sky is on both of its sides"
+        if closed[wrong] or within[wrong]:
+            why = "light cannot leave through it" if closed[wrong] else "it stands in the room, behind others"
         asked = bool(self.settings.wish.materials) or self.settings.wish.file is not None
-        if asked or (closed | outside).all():
+        if asked or none.all():
             what = f"{why}; a portal is an opening between the room and the sky"
             raise InputError(f"portal {portals.names[wrong]}", what)
-        names = [portals.names[p] for p in np.flatnonzero(closed | outside)[:4]]
-        more = int((closed | outside).sum()) - len(names)
-        note = f"glass that is no portal, left opaque: {', '.join(names)}" + (
-            f" and {more} more" if more else ""
-        )
-        return portals.keeping(np.flatnonzero(~(closed | outside))), (note,)
+        names = [portals.names[p] for p in np.flatnonzero(none)[:4]]
+        more = int(none.sum()) - len(names)
+        note = f"glass that is no portal: {', '.join(names)}" + (f" and {more} more" if more else "")
+        return portals.keeping(np.flatnonzero(~none)), (note,)
 
 
 def without_triangles(scene: Scene, left_out: np.ndarray) -> Scene:

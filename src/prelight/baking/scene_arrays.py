@@ -11,6 +11,7 @@ from ..scene.geometry import Scene
 from ..storage.chunks import ArraySpec, ChunkRecord
 from ..storage.journal import BakeWriter
 from ..storage.manifest import CameraRecord, SceneRecord
+from .exitant import ExitantPart, write_exitant
 
 _ARRAYS = ("positions", "normals", "albedo", "triangles", "material_of", "uv", "tint")
 
@@ -28,6 +29,13 @@ class WrittenArrays:
         spec = whole(values)
         key, record = self._writer.write_chunk(name, (0,) * values.ndim, values, spec)
         self.arrays[name], self.chunks[key] = spec, record
+
+    def write_gloss(self, at: str, part: ExitantPart) -> dict[str, int | float]:
+        """A layer's glossy part; returns what is told of it."""
+        said = write_exitant(self._writer, at, part)
+        self.arrays |= {name: ArraySpec(**spec) for name, spec in said["arrays"].items()}
+        self.chunks |= {key: ChunkRecord(**record) for key, record in said["chunks"].items()}
+        return said["statistics"]
 
     def write_scene(self, scene: Scene) -> None:
         """Geometry, albedo and textures."""

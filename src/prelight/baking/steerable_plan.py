@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..transport.basis_images import LANES, BasisTracer
+from ..transport.seen_in_glass import MOST_HITS
 from .environment_plan import machine_memory
 from .steerable_settings import BakedLamp, SteerableSettings
 
@@ -21,6 +22,7 @@ _PILOT_TILES = 3
 _BYTES_PER_DEEP = 100  # of a sample whose first bounce is kept apart, while it is written
 _DEEP_ON_DISK = 16
 _USUAL_SHARE = 0.35  # of the basis lights that the paper's rule keeps: 12 of 36, 20 of 81, 50 of 400
+_BYTES_PER_HIT = 250  # of a place that the eye sees in mirrors or through glass
 _STRIP_BYTES = 16_000_000
 
 
@@ -58,7 +60,8 @@ def memory_needed(settings: SteerableSettings, triangles: int) -> int:
     most = 0
     for lamp in settings.lamps:
         functions, lights = lamp.lamp.functions, lamp.basis.functions  # as many lights, but found in no time
-        from_lamp = 28 * functions * pixels if settings.images.particles else 0
+        from_lamp = 28 * functions * pixels + _BYTES_PER_HIT * min(16 * pixels, MOST_HITS)
+        from_lamp = from_lamp if settings.images.particles else 0
         kept = _components(settings, lights)
         encoding = kept * pixels * (12 + 6) + 3 * 256_000_000
         matrices = 8 * 6 * lights * functions

@@ -29,6 +29,7 @@ from ..transport.spreading import vertex_areas
 from .bounced import HELD
 from .bounced_writer import FIRST
 from .carrying_out import carry_out, check_disk
+from .exitant import ExitantPart
 from .first_bounce import FirstBounce, thinned_operator
 from .later_bounces import LaterBounces, later_bounces
 from .layer_writer import software
@@ -106,7 +107,7 @@ def bake_planned(
 def identity(plan: TransferPlan) -> dict[str, int | float | str | None]:
     """Everything that the bytes of the bake depend on."""
     settings = plan.settings
-    names = ("gather_rays", "entries", "operator_bounces", "modes")
+    names = ("gather_rays", "entries", "operator_bounces", "modes", "glossy_order")
     asked = {name: getattr(settings, name) for name in names}
     return {"kind": "transfer", "scene": plan.scene.digest, **asked, **software()}
 
@@ -118,6 +119,13 @@ class _Making:
         self.plan, self.settings, self.scene = plan, plan.settings, plan.scene
         self.writer, self.report = writer, report
         self.ground = plan.ground
+        self.gloss: ExitantPart | None = None
+        if order := self.settings.glossy_order:
+            self.gloss = ExitantPart.of(
+                self.scene, self.ground.occluders, order=order, origins=self.ground.origins
+            )
+        if self.gloss is not None:  # of seconds, so that the journal need not know it
+            self.scene = self.gloss.bouncing(self.scene)
         self.areas = vertex_areas(plan.scene)
 
     def run(self) -> Manifest:
@@ -245,13 +253,18 @@ class _Making:
         plan, settings = self.plan, self.settings
         told = {name: value for entry in entries for name, value in entry["told"].items()}
         written = WrittenArrays(self.writer)
-        written.write_scene(self.scene)
+        written.write_scene(plan.scene)
         for entry in entries:
             arrays = {n: ArraySpec(**spec) for n, spec in entry["arrays"].items() if n.startswith(_AT)}
             written.arrays |= arrays
             written.chunks |= {
                 key: ChunkRecord(**record) for key, record in entry["chunks"].items() if key.startswith(_AT)
             }
+        glossy, notes = {}, plan.notes
+        if self.gloss is not None:
+            told |= written.write_gloss(f"{_AT}/glossy", self.gloss)
+            told["rays"] += told["glossy_rays"]
+            glossy, notes = {"glossy_order": settings.glossy_order}, (*notes, *self.gloss.notes)
         layer = LayerRecord(
             kind="transfer",
             basis_lights=plan.vertices,
@@ -259,7 +272,7 @@ class _Making:
             rays=told.pop("rays"),
             parameters={
                 "gather_rays": settings.gather_rays, "operator_bounces": settings.operator_bounces, "bounces": "all",
-                "asked_entries": settings.entries, "asked_modes": settings.modes,
+                "asked_entries": settings.entries, "asked_modes": settings.modes, **glossy,
             },
             statistics=told,
         )  # fmt: skip
@@ -267,7 +280,7 @@ class _Making:
             format=FORMAT,
             version=VERSION,
             settings=identity(plan),
-            scene=scene_record(self.scene, plan.notes),
+            scene=scene_record(plan.scene, notes),
             layers={LAYER: layer},
             arrays=written.arrays,
             chunks=written.chunks,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 from ..arrays import Positions
@@ -12,6 +12,7 @@ from ..scene.geometry import Scene
 from ..transport.vantage import vantage_points
 from .bounced_plan import tried_rows
 from .environment_plan import machine_memory
+from .exitant import ExitantPlan, plan_exitant
 from .first_bounce import BYTES_PER_ENTRY, BYTES_PER_VERTEX
 from .transfer_settings import HELD_OUT, TRIALS, TransferSettings
 
@@ -41,6 +42,7 @@ class TransferPlan:
     bytes: int  # on disk
     operator_bytes: int  # what the operator may take; beyond it tiles are traced again
     notes: tuple[str, ...]
+    glossy: ExitantPlan
     _ground: Ground
 
     @property
@@ -51,7 +53,8 @@ class TransferPlan:
     def summary(self) -> dict[str, float | int | list[str]]:
         """What ``--dry-run --json`` prints."""
         names = ("vertices", "triangles", "rays", "entries", "seconds", "memory", "bytes")
-        return {name: getattr(self, name) for name in names} | {"notes": list(self.notes)}
+        glossy = {f"glossy_{name}": value for name, value in asdict(self.glossy).items() if self.glossy.rows}
+        return {name: getattr(self, name) for name in names} | glossy | {"notes": list(self.notes)}
 
 
 class Ground:
@@ -100,18 +103,24 @@ def plan_transfer(scene: Scene, settings: TransferSettings) -> TransferPlan:
     seconds += entries * _THINNED
     seconds += _PRODUCTS * 3 * (TRIALS + settings.modes) * thinned / _ENTRY_COLUMNS
     seconds += _PRODUCTS * 3 * HELD_OUT * entries / _ENTRY_COLUMNS
+    glossy = plan_exitant(scene, settings.glossy_order)
     return TransferPlan(
         settings=settings,
         scene=scene,
         vertices=V,
         triangles=len(scene.triangles),
-        rays=rays,
+        rays=rays + glossy.rays,
         entries=entries,
-        seconds=float(seconds),
+        seconds=float(seconds + glossy.seconds),
         memory=int(fixed + min(wanted, left)),
-        bytes=on_disk + 40 * V + 16 * len(scene.triangles) + sum(t.nbytes for t in scene.textures),
+        bytes=on_disk
+        + glossy.bytes
+        + 40 * V
+        + 16 * len(scene.triangles)
+        + sum(t.nbytes for t in scene.textures),
         operator_bytes=left,
-        notes=_notes(scene),
+        notes=() if settings.glossy_order else _notes(scene),
+        glossy=glossy,
         _ground=ground,
     )
 
@@ -123,5 +132,6 @@ def _notes(scene: Scene) -> tuple[str, ...]:
         return ()
     names = ", ".join(name[:40] for name in glossy[:4]) + (", …" if len(glossy) > 4 else "")
     return (
-        f"{names}: lit, and light bounces there, as from diffuse surfaces of their base colour; no reflections",
+        f"{names}: lit, and light bounces there, as from diffuse surfaces of their base colour; no reflections "
+        "(--glossy-order 8 shows them)",
     )

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from ..errors import InputError
+from ..storage.exitant_part import MOST_ORDER
 from ..storage.transfer_layer import MOST_BOUNCES
 from .first_bounce import MOST_ENTRIES
 from .later_bounces import MOST_MODES
@@ -32,6 +33,8 @@ class TransferSettings:
         How many bounces of a light the operator makes, 1 to 3; modes hold what follows.
     modes
         At most so many: 1 to 124.
+    glossy_order
+        Of the harmonics that glossy vertices send on, 1 to 16; 0 shows all surfaces as diffuse.
     memory
         Bytes the process may use; default half of this machine's.
 
@@ -46,6 +49,7 @@ class TransferSettings:
     operator_bounces: int = OPERATOR_BOUNCES
     modes: int = MOST_MODES
     memory: int | None = None
+    glossy_order: int = 0
 
     def __post_init__(self) -> None:
         for name, value, least, most in (
@@ -53,6 +57,7 @@ class TransferSettings:
             ("entries", self.entries, 16, 4096),
             ("operator-bounces", self.operator_bounces, 1, MOST_BOUNCES),
             ("modes", self.modes, 1, MOST_MODES),
+            ("glossy-order", self.glossy_order, 0, MOST_ORDER),
         ):
             if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
                 raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import Float32
+from ..arrays import CubeMap, Float32
 from . import cube_map, spherical_harmonics
 
 _POINTS = 3  # of Gauss's rule along a side of a cell
@@ -44,3 +44,10 @@ def cell_harmonics(
     for table in out:
         table.flags.writeable = False
     return out
+
+
+def spectrum_of(cube: CubeMap, order: int) -> tuple[float, ...]:
+    """The energy of a cube map in each order from 0 to ``order``: squares of its coefficients, of all colours."""
+    _, integrals = cell_harmonics(order, cube.shape[1])
+    squares = np.square(integrals.T.astype(np.float64) @ cube.reshape(-1, 3).astype(np.float64)).sum(axis=1)
+    return tuple(float(squares[band * band : (band + 1) ** 2].sum()) for band in range(order + 1))

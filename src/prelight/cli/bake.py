@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
@@ -13,9 +13,7 @@ from .bake_cloud import cloud
 from .bake_portals import portals
 from .bake_steerable import steerable
 from .bake_transfer import transfer
-
-if TYPE_CHECKING:
-    from ..baking.exitant import ExitantPlan
+from .gloss_said import said_of_gloss
 
 app = App(
     help="Trace a scene once and keep its light transport in NAME.prelight. One subcommand for each kind of light."
@@ -179,7 +177,7 @@ def environment(
                     f"{printing.duration(light.photon_seconds)} of it (--photons 0 leaves caustics out)"
                 )
         if glossy_order:
-            printing.say(_said_of_gloss(plan.glossy))
+            printing.say(said_of_gloss(plan.glossy))
     if dry_run:
         if json:
             printing.say_json(plan.summary())
@@ -196,13 +194,4 @@ def environment(
         + (f", {printing.duration(layer['seconds'])}" if layer["seconds"] is not None else "")
         + (f"\nthe mesh is {note}" if (note := printing.mesh_note(layer["statistics"])) else "")
         + f"\nnow: prelight relight {target} SKY.hdr -o picture.png   (or stock:sunset for a sky of ours)"
-    )
-
-
-def _said_of_gloss(plan: ExitantPlan) -> str:
-    if not plan.rows:
-        return "no vertex is of a glossy material: --glossy-order has nothing to do"
-    return (
-        f"gloss of {plan.rows:,} vertices: {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
-        f"{printing.size(plan.bytes)}; a change of light takes about {plan.milliseconds:.0f} ms more"
     )

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .gloss_said import rows_of_gloss, said_of_gloss
 
 if TYPE_CHECKING:
     from ..baking.cloud_plan import CloudPlan
@@ -32,10 +33,12 @@ def cloud(
     w1: float | None = None,
     w2: float | None = None,
     merge: str = "mean",
-    patches: Annotated[int, _NUMBER] = 256,
+    modes: Annotated[int, _NUMBER] = 256,
     interpolation: str | None = None,
     codes: str = "bytes",
     gather_rays: Annotated[int, _NUMBER] = 1024,
+    photons: Annotated[int | None, _NUMBER] = None,
+    glossy_order: Annotated[int, _NUMBER] = 0,
     floor: float | None = None,
     subdivide: float | None = None,
     albedo: str | None = None,
@@ -73,7 +76,7 @@ def cloud(
     zone
         Vertices of a zone at most: lights are clustered for each, and one is in memory at a time.
     clusters
-        Of vertices in each zone, with components of their own; one for each 100 vertices if not given.
+        Of vertices in each zone, with components of their own; one for each 33 vertices if not given.
     coefficients
         Kept of a vertex and colour, in the mean.
     error
@@ -83,15 +86,21 @@ def cloud(
         differently a vertex may answer to them (irradiance / π of 1 W/sr). Suggested from the scene if not given.
     merge
         mean, or harmonic: how answers to lights of a group become one.
-    patches
-        Of surfaces, whose light makes up for what lights of the cloud do not have, up to 2048; 0 for the paper's cloud
+    modes
+        Of bounced light, which make up for what lights of the cloud do not have, up to 1024; 0 for the paper's cloud
         alone.
     interpolation
-        fitted to the light on the patches, or kernel, the paper's. fitted unless there are no patches.
+        fitted to what bounces of the light that falls, or kernel, the paper's. fitted unless there are no modes.
     codes
         bytes, or float16: twice as many bytes, the last half percent.
     gather_rays
         Rays from each vertex that find the surfaces which light bounces from, a square number up to 16384.
+    photons
+        Of each light, for what clear glass and mirrors send on: caustics; default 65536 where a material needs them.
+        Four times as many halve the noise; 0 leaves caustics out.
+    glossy_order
+        Show what glossy materials reflect, for any camera, in spherical harmonics of this order, 1 to 16; 8 is good for
+        most. 0 shows every surface as diffuse.
     floor
         Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
@@ -126,9 +135,9 @@ def cloud(
 
         settings = CloudSettings(
             lights=lights, box=None if box is None else _corners(box), radius=radius, zone=zone, clusters=clusters,
-            coefficients=coefficients, error=error, w1=w1, w2=w2, merge=merge, patches=patches,
-            interpolation=interpolation or ("fitted" if patches else "kernel"), codes=codes,
-            gather_rays=gather_rays, memory=budget,
+            coefficients=coefficients, error=error, w1=w1, w2=w2, merge=merge, modes=modes,
+            interpolation=interpolation or ("fitted" if modes else "kernel"), codes=codes,
+            gather_rays=gather_rays, photons=photons, memory=budget, glossy_order=glossy_order,
         )  # fmt: skip
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_cloud(loaded, settings)
@@ -168,6 +177,10 @@ def _say_plan(plan: CloudPlan) -> None:
         f"{printing.size(plan.bytes)} on disk ({printing.size(plan.scratch)} more while baking), "
         f"at most {printing.size(plan.memory)} of memory"
     )
+    if order := plan.settings.glossy_order:
+        from ..baking.exitant import plan_exitant
+
+        printing.say(said_of_gloss(plan_exitant(plan.scene, order)))
 
 
 def _say_done(bake: Bake, target: Path) -> None:
@@ -183,9 +196,9 @@ def _say_done(bake: Bake, target: Path) -> None:
 
 
 def rows_of_errors(layer: dict) -> list[tuple[str, str]]:
-    """What bounced light of lamps between the lights loses, measured while baking; nothing without patches."""
+    """What bounced light of lamps between the lights loses, measured while baking; nothing without modes."""
     told = layer["statistics"]
-    if not layer["parameters"]["patches"]:
+    if not layer["parameters"]["patches"] and not layer["parameters"].get("modes"):
         return []
     return [
         (
@@ -204,14 +217,15 @@ def rows_of_cloud(layer: dict) -> list[tuple[str, str]]:
     took = f", {printing.duration(seconds)}" if seconds is not None else ""
     solids = f", {told['in_solids']:,} more were inside solids" if told["in_solids"] else ""
     patches = f", {settings['patches']:,} patches" if settings["patches"] else ""
+    modes = f", {settings['modes']:,} modes" if settings.get("modes") else ""
     return [
         ("layer", f"{layer['name']} ({layer['kind']})"),
-        ("  receivers", "diffuse vertices, seen from anywhere"),
+        ("  receivers", "vertices, seen from anywhere"),
         ("  lights", f"{layer['basis_lights']:,}, at most {settings['step']:.2g} m apart{solids}"),
         (
             "  clusters",
             f"{told['groups']:.0f} groups of lights in the mean of {told['zones']:,} zones "
-            f"(w1 {settings['w1']:.3g}, w2 {settings['w2']:.3g}){patches}",
+            f"(w1 {settings['w1']:.3g}, w2 {settings['w2']:.3g}){patches}{modes}",
         ),
         (
             "  components",
@@ -225,6 +239,7 @@ def rows_of_cloud(layer: dict) -> list[tuple[str, str]]:
             else "the paper's kernel",
         ),
         *rows_of_errors(layer),
+        *rows_of_gloss(layer),
         ("  size", printing.size(layer["bytes"])),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
     ]

@@ -10,11 +10,15 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .gloss_said import said_of_gloss
 
 if TYPE_CHECKING:
     from ..baking.portals_plan import PortalsPlan
+    from ..baking.portals_settings import PortalsSettings
+    from ..scene.geometry import Scene
     from ..storage.bake import Bake
 
+_SUN_CUBE = 64  # of skies whose suns receivers are refined for
 _NUMBER = Parameter(converter=arguments.whole_number)
 
 
@@ -33,11 +37,16 @@ def portals(
     rays: Annotated[int | None, _NUMBER] = None,
     order: Annotated[int | None, _NUMBER] = None,
     accuracy: float | None = None,
+    accuracy_for: str | None = None,
     bounces: Annotated[int | None, _NUMBER] = None,
     gather_rays: Annotated[int | None, _NUMBER] = None,
     suns: bool = True,
+    photons: Annotated[int | None, _NUMBER] = None,
+    glossy_order: Annotated[int, _NUMBER] = 0,
     preset: str | None = None,
     subdivide: float | None = None,
+    refine: float | None = None,
+    refine_for: Annotated[list[str] | None, Parameter(negative="")] = None,
     albedo: str | None = None,
     trust: Annotated[bool, Parameter(negative="")] = False,
     memory: str | None = None,
@@ -87,6 +96,8 @@ def portals(
     accuracy
         Choose the order: the least that holds this share of the energy of bounced light, such as 0.9, up to --order
         (12 if not given).
+    accuracy_for
+        A rig, a map or stock:NAME for whose light that is; without it for light that has as much of every order.
     bounces
         How often light may bounce, at most 1000; 0 for direct light only. If not given as often as matters.
     gather_rays
@@ -94,11 +105,22 @@ def portals(
     suns
         Keep the one-bounce operator, some 500 bytes a vertex, from which the bounces of a sun follow; --no-suns leaves
         it out, and a sun bounces as blurred as the harmonics are.
+    photons
+        How many, of all portals, for what glass objects and mirrors in the room send on: caustics; default 4194304
+        where a material needs them. Four times as many halve the noise; 0 leaves caustics out.
+    glossy_order
+        Show what glossy materials reflect, for any camera, in spherical harmonics of this order, 1 to 16; 8 is good for
+        most. 0 shows every surface as diffuse.
     preset
         paper: the parameters of the paper this follows (4096 rays, 4096 gather rays, 9 bounces, order 4); what is given
         besides goes before it.
     subdivide
         Halve edges longer than this, in metres, for a finer net of vertices.
+    refine
+        Add vertices where direct light through the portals breaks, along the edges of shadows: up to this many times
+        as many as there are, such as 2.
+    refine_for
+        A rig, a map or stock:NAME whose sun's patch shall have a sharp edge; again for more hours. With --refine.
     albedo
         Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
     trust
@@ -148,13 +170,17 @@ def portals(
             wish,
             cube=cube,
             accuracy=accuracy,
+            spectrum=_spectrum(accuracy_for, accuracy),
             suns=suns,
+            photons=photons,
+            glossy_order=glossy_order,
             returned=returned,
             seed=seed,
             memory=budget,
             **asked,
         )
         loaded = load_scene(scene, albedo=colour, subdivide=subdivide, trust=trust)
+        loaded = _refined(loaded, settings, factor=refine, skies=refine_for)
         plan = plan_portals(loaded, settings)
     if not json:
         _say_plan(plan)
@@ -165,6 +191,36 @@ def portals(
     with printing.share_bar("baking") as report:
         bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
     _say_done(bake, target, json=json)
+
+
+def _spectrum(source: str | None, accuracy: float | None) -> tuple[float, ...] | None:
+    """Of a sky without its suns, which bounce from where they fall."""
+    if source is None:
+        return None
+    if accuracy is None:
+        raise InputError("--accuracy-for", "given without --accuracy, such as --accuracy 0.9")
+    from ..baking.portals_settings import MOST_ORDER
+    from ..bases.harmonic_cells import spectrum_of
+    from ..lighting.rig import Rig
+    from ..relighting.portals import strong_cells
+
+    cube = Rig.open(source).environment.cube(32)
+    suns = strong_cells(cube)
+    return spectrum_of(cube if suns is None else cube - suns, MOST_ORDER)
+
+
+def _refined(
+    scene: Scene, settings: PortalsSettings, *, factor: float | None, skies: list[str] | None
+) -> Scene:
+    if factor is None:
+        if skies:
+            raise InputError("--refine-for", "given without --refine, such as --refine 2")
+        return scene
+    from ..baking.portals_refining import refined
+    from ..lighting.rig import Rig
+
+    cubes = [Rig.open(source).environment.cube(_SUN_CUBE) for source in skies or ()]
+    return refined(scene, settings, factor=factor, skies=cubes)
 
 
 def _say_plan(plan: PortalsPlan) -> None:
@@ -179,7 +235,16 @@ def _say_plan(plan: PortalsPlan) -> None:
         f"about {printing.count(plan.rays)} rays for direct light, {printing.duration(plan.seconds)}, "
         f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
     )
+    if plan.photons:
+        printing.say(
+            f"of it {printing.count(plan.photons)} photons for what glass objects and mirrors in the room send on "
+            "(--photons 0 leaves caustics out)"
+        )
     printing.say("\n".join(plan.advice.lines(plan.settings)))
+    if order := plan.settings.glossy_order:
+        from ..baking.exitant import plan_exitant
+
+        printing.say(said_of_gloss(plan_exitant(scene, order)))
 
 
 def _say_done(bake: Bake, target: Path, *, json: bool) -> None:

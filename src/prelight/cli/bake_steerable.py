@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import arguments, printing
 from .baked_lamps import lamps_of
+from .meant_lights import said_of_lights
 
 if TYPE_CHECKING:
     from ..baking.steerable_plan import SteerablePlan
@@ -51,6 +52,7 @@ def steerable(
     seed: Annotated[int, _NUMBER] = 0,
     lights_list: Path | None = None,
     from_images: Path | None = None,
+    meant_for: Path | None = None,
     albedo: str | None = None,
     trust: Annotated[bool, Parameter(negative="")] = False,
     memory: str | None = None,
@@ -121,8 +123,9 @@ def steerable(
     indirect_only
         Leave direct light out, to be added exactly by another way.
     left_to_chance
-        drop, or keep: light through glass or off a mirror that is itself seen through glass or in a mirror. It is met
-        by chance alone, and makes bright specks.
+        drop, or keep: light through glass or off a mirror that is itself seen through glass or in a mirror. Dropped
+        from chance it is joined from both ends instead, smoothed over about a pixel; met by chance it is exact, and
+        makes bright specks.
     deep
         Keep the lamps' first bounce apart, in so many samples a pixel, 1 to 256: then lights of any narrowness are
         exact, while the basis holds the later bounces; 16 is plenty for spots, narrow lights on a panel want 64 and
@@ -141,6 +144,9 @@ def steerable(
         Write the basis lights and the eye to this JSON file, for another renderer; nothing is traced.
     from_images
         Take the basis images from this folder instead of tracing: LAMP_00000.exr, …, as the lights list names them.
+    meant_for
+        A rig (.toml) that the bake is to be lit by: how well the lamps will hold its lights, such as those of an IES
+        file or of a picture, is told before anything is traced.
     albedo
         Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
     trust
@@ -189,7 +195,10 @@ def steerable(
         settings = SteerableSettings(
             tuple(lamps), arguments.eye(camera), images, deep=deep, memory=budget, **kept
         )
+        meant = [] if meant_for is None else said_of_lights(meant_for, settings.lamps)
         loaded = load_scene(scene, albedo=colour, trust=trust)
+    for line in [] if json else meant:
+        printing.say(line)
     if lights_list is not None:
         _write_list(loaded, settings, lights_list, force=force, json=json)
         return
@@ -211,7 +220,7 @@ def steerable(
         _say_plan(loaded, plan)
     if dry_run:
         if json:
-            printing.say_json(plan.summary())
+            printing.say_json(plan.summary() | {"meant_for": meant})
         return
     with printing.share_bar("baking") as report:
         bake = bake_planned(loaded, target, plan=plan, resume=resume, force=force, report=report)

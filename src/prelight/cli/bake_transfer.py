@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from . import arguments, printing
+from .gloss_said import said_of_gloss
 
 _NO_EDGE = 1e8  # metres: every one holds
 _NUMBER = Parameter(converter=arguments.whole_number)
@@ -22,6 +23,7 @@ def transfer(
     entries: Annotated[int, _NUMBER] = 224,
     operator_bounces: Annotated[int, _NUMBER] = 2,
     modes: Annotated[int, _NUMBER] = 124,
+    glossy_order: Annotated[int, _NUMBER] = 0,
     floor: float | None = None,
     subdivide: float | None = None,
     albedo: str | None = None,
@@ -40,8 +42,9 @@ def transfer(
     `prelight bake transfer stock:room -o room.prelight`, then `prelight relight room.prelight RIG.toml -o picture.png`,
     RIG.toml being `lamp = [{ position = [0.4, 1.9, 0.6], power_w = 40, kelvin = 2900 }]`.
 
-    Surfaces are diffuse. Direct light is traced when relighting, so that needs Mitsuba too. Shows what it will cost
-    before it begins. Ctrl-C keeps what is done; the same command with --resume goes on.
+    Surfaces are diffuse, unless --glossy-order shows what glossy ones reflect. Direct light is traced when relighting,
+    so that needs Mitsuba too. Shows what it will cost before it begins. Ctrl-C keeps what is done; the same command
+    with --resume goes on.
 
     Parameters
     ----------
@@ -59,6 +62,9 @@ def transfer(
         How many bounces the operator makes before smooth modes take over, 1 to 3: each takes as long as the first.
     modes
         How many of them at most, 1 to 124.
+    glossy_order
+        Show what glossy materials reflect, for any camera, in spherical harmonics of this order, 1 to 16; 8 is good for
+        most. 0 shows every surface as diffuse.
     floor
         Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
@@ -91,7 +97,7 @@ def transfer(
         from ..baking.transfer_settings import TransferSettings
         from ..scene.loading import load_scene
 
-        settings = TransferSettings(gather_rays, entries, operator_bounces, modes, budget)
+        settings = TransferSettings(gather_rays, entries, operator_bounces, modes, budget, glossy_order)
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_transfer(loaded, settings)
     if not json:
@@ -102,6 +108,8 @@ def transfer(
             f"about {printing.count(plan.rays)} rays, {printing.duration(plan.seconds)}, "
             f"{printing.size(plan.bytes)} on disk, at most {printing.size(plan.memory)} of memory"
         )
+        if glossy_order:
+            printing.say(said_of_gloss(plan.glossy))
     if dry_run:
         if json:
             printing.say_json(plan.summary())

@@ -25,15 +25,16 @@ def demo(
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Bake the built-in sculpture, light it with several skies, write the pictures, and open the studio.
+    """Bake the built-in sculpture, light it with several skies, write the pictures; then open a chapel in the studio.
 
-    Two minutes on two cores; a second run finds the bake and only lights it. Without a terminal, or with --no-browser
-    or --json, it ends after the pictures.
+    The sculpture takes a minute or two on two cores, the chapel another: its windows and the sun behind them, their
+    glass, and lamps anywhere can all be set. A second run finds the bakes and only lights them. Without a terminal, or
+    with --no-browser or --json, it ends after the pictures.
 
     Parameters
     ----------
     output
-        The folder for the bake and the pictures.
+        The folder for the bakes and the pictures.
     browser
         Open the studio in the browser at the end.
     json
@@ -82,9 +83,13 @@ def _open_studio(bake: Bake, *, browser: bool) -> None:
         printing.say(f"To turn the sky yourself: prelight studio {shlex.quote(str(bake.path))}")
         return
     from ..studio.environments import Environments
-    from .studio import serve
+    from .demo_chapel import chapel, light_it
+    from .studio import serve, workshop
 
-    serve(bake, Environments(), browser=True)
+    folder = bake.path.parent
+    shown = chapel(folder)
+    light_it(shown, note=printing.say)
+    serve(shown, Environments(), shop=workshop(folder / "scenes"), browser=True)
 
 
 def _baked(folder: Path, *, quiet: bool):

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from ..errors import InputError
 from . import arguments, printing
 from .bake_cloud import rows_of_cloud
+from .gloss_said import rows_of_gloss
 from .inspect_portals import rows_of_portals
 from .inspect_steerable import rows_of_steerable
 from .inspect_transfer import rows_of_transfer
@@ -183,7 +184,7 @@ def _rows_of_layer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         *_rows_of_sun(settings),
         *(_rows_of_bounces(layer) if bounces else [("  bounces", "none: direct light only")]),
         *_rows_of_caustics(layer),
-        *_rows_of_gloss(layer),
+        *rows_of_gloss(layer),
         ("  size", f"{printing.size(layer['bytes'])}, {nonzero}"),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         ("  loses", loses),
@@ -218,19 +219,6 @@ def _rows_of_bounces(layer: dict[str, Any]) -> list[tuple[str, str]]:
         f"{found['bounced_remaining']:.2g} of it is left after solving ({found['bounced_products']} products)"
     )
     return [("  bounces", often), ("", kept), *_rows_of_first(found), ("", cost), *_rows_of_mesh(found)]
-
-
-def _rows_of_gloss(layer: dict[str, Any]) -> list[tuple[str, str]]:
-    settings, found = layer["parameters"], layer["statistics"]
-    if not (order := settings.get("glossy_order")):
-        return []
-    from ..bases.exitant import milliseconds
-
-    rows, fit = found.get("glossy_rows", 0), found.get("glossy_fit_error", 0.0)
-    kept = f"{rows:,} vertices for any eye, in harmonics of order {order}; {printing.size(layer['glossy_bytes'])}"
-    rays, took = printing.count(found.get("glossy_rays", 0)), milliseconds(rows, order)
-    cost = f"{rays} rays; about {took:.0f} ms a change of light"
-    return [("  gloss", kept), ("", f"{cost}; of the sharpest lobe {fit:.0%} (RMS) is beyond that order")]
 
 
 def _rows_of_mesh(found: dict[str, Any]) -> list[tuple[str, str]]:

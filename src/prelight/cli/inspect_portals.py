@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from . import printing
+from .gloss_said import rows_of_gloss
 
 _NAMED = 6
 
@@ -30,6 +31,11 @@ def rows_of_portals(layer: dict[str, Any]) -> list[tuple[str, str]]:
             f"all as pulses {printing.size(found['pulse_bytes'])}, all as Haar {printing.size(found['haar_bytes'])}",
         ),
     ]
+    if settings.get("photons"):
+        traced, noise = printing.count(found["photons_traced"]), found["caustic_noise"]
+        rows.append(
+            ("  caustics", f"of glass and mirrors, {traced} photons; {noise:.1%} noise under an even sky")
+        )
     if settings["bounces"] == 0:
         rows.append(("  bounces", "none: direct light only"))
     else:
@@ -45,14 +51,16 @@ def rows_of_portals(layer: dict[str, Any]) -> list[tuple[str, str]]:
             ("", f"the modes leave out {found['bounced_left_out']:.2%}; what is finer outside than order "
                  f"{settings['order']} bounces as if blurred"),
         ]  # fmt: skip
+    gloss = "" if settings.get("glossy_order") else "gloss but for the panes; "
     rows += [
         ("  outside", _outside(settings, found)),
         ("", f"nearer than {found['returned_distance']:.2g} m light from the room would come back"),
+        *rows_of_gloss(layer),
         ("  size", printing.size(layer["bytes"])),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
         (
             "  loses",
-            "gloss but for the panes; light that reaches the outside of the room; parts of a cell of the cube",
+            f"{gloss}light that reaches the outside of the room; parts of a cell of the cube",
         ),
     ]
     return rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import printing
+from .gloss_said import rows_of_gloss
 
 
 def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
@@ -13,10 +14,11 @@ def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
     entries = told["first_entries"] / max(layer["basis_lights"], 1)
     bounces = settings["operator_bounces"]
     by_operator = "the first bounce" if bounces == 1 else f"the first {bounces} bounces"
+    gloss = "light through glass" if settings.get("glossy_order") else "gloss"
     took = f", {printing.duration(seconds)}" if seconds is not None else ""
     return [
         ("layer", f"{layer['name']} ({layer['kind']})"),
-        ("  receivers", "diffuse vertices, seen from anywhere"),
+        ("  receivers", "vertices, seen from anywhere"),
         ("  lights", "any: lamps, spots and panels anywhere, an environment; their shadows by rays"),
         (
             "  bounces",
@@ -30,5 +32,6 @@ def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  mesh", f"holds bounced light on {told['held']:.0%} of its area"),
         ("  size", printing.size(layer["bytes"])),
         ("  cost", f"{printing.count(layer['rays'])} rays{took}"),
-        ("  loses", "gloss; but for direct light in pictures, what is finer than the mesh"),
+        *rows_of_gloss(layer),
+        ("  loses", f"{gloss}; but for direct light in pictures, what is finer than the mesh"),
     ]

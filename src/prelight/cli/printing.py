@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
 from collections.abc import Generator
@@ -61,6 +62,7 @@ def table(rows: list[tuple[str, str]]) -> None:
 # Where there is no terminal to draw a bar on: a line now and then, once it takes long.
 _LINE_EVERY = 0.1  # of the work
 _SILENCE = 10.0  # seconds
+_TOLD_EVERY = 0.2  # seconds, where a program reads along
 
 
 @contextmanager
@@ -103,7 +105,10 @@ def progress_bar(label: str) -> Generator[Callable[[float, float, int], None]]:
 
 @contextmanager
 def _bar(label: str) -> Generator[Callable[[float, str], None]]:
-    """A bar, or where there is no terminal a line now and then, once it takes long."""
+    """A bar; where there is no terminal a line now and then, once it takes long; for a program lines of JSON."""
+    if os.environ.get("PRELIGHT_PROGRESS") == "json":
+        yield _told()
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
@@ -127,6 +132,21 @@ def _bar(label: str) -> Generator[Callable[[float, str], None]]:
                 sys.stderr.write(f"{label}: {fraction:.0%}, {note}\n")
 
         yield show
+
+
+def _told() -> Callable[[float, str], None]:
+    """Lines ``{"progress": SHARE, "note": WORDS}`` on standard error, a few a second."""
+    last = 0.0
+
+    def show(fraction: float, note: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _TOLD_EVERY or fraction >= 1:
+            last = now
+            sys.stderr.write(json.dumps({"progress": round(float(fraction), 5), "note": note}) + "\n")
+            sys.stderr.flush()
+
+    return show
 
 
 def mesh_note(found: Mapping[str, Any]) -> str:

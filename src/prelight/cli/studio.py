@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import sys
 import threading
@@ -17,14 +18,20 @@ from ..errors import InputError, escaped
 from . import arguments, printing
 
 if TYPE_CHECKING:
+    from ..camera import Camera
+    from ..lighting.rig import Rig
     from ..storage.bake import Bake
+    from ..studio.environments import Environments
     from ..studio.server import Studio
+    from ..studio.tracing import Growing, Pictures
+    from ..studio.workshop import Workshop
 
 
 def studio(
-    bake: str,
+    bake: str | None = None,
     /,
     *skies: str,
+    work: Path = Path("prelight-studio"),
     port: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
     maps: Path | None = None,
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
@@ -33,15 +40,20 @@ def studio(
 ) -> None:
     """Show a bake in the browser: look around, turn the sky, set lights. Ctrl-C ends it.
 
+    Without a bake the start page opens: drop a scene, choose what to bake, see the cost, watch it, stop it, go on.
+
     Only this machine can reach it, by a link that opens it once; Enter in the terminal gives another one. The light
     that is set is kept beside the bake, in NAME.studio.json.
 
     Parameters
     ----------
     bake
-        NAME.prelight, made by `prelight bake`; or a scene, which is baked first with the usual settings.
+        NAME.prelight, made by `prelight bake`; or a scene, which is baked first with the usual settings. If not given,
+        one is made or chosen on the start page.
     skies
         Environment maps or rig files to choose from, as `prelight relight` takes them; our own skies are always there.
+    work
+        The folder for scenes that are dropped on the start page, and their bakes; made when there is something in it.
     port
         Of 127.0.0.1; 8737 if not given, or any free one where that is taken.
     maps
@@ -60,8 +72,22 @@ def studio(
     for sky in skies:
         _check_there(sky)
     environments = Environments(skies, folder=maps)
-    opened = opened_or_baked(bake, trust=trust, quiet=json)
-    serve(opened, environments, port=port, browser=browser and not json, json=json)
+    opened = None if bake is None else opened_or_baked(bake, trust=trust, quiet=json)
+    shop = workshop(work)
+    serve(opened, environments, shop=shop, port=port, browser=browser and not json, json=json)
+
+
+def workshop(work: Path) -> Workshop:
+    """Where the start page's scenes are baked, by this program's own commands. Raises InputError, OutputError."""
+    from ..errors import OutputError
+    from ..scene.stock.catalogue import STOCK_SCENES
+    from ..studio.start_protocol import StockView
+    from ..studio.workshop import Workshop
+
+    if work.exists() and not work.is_dir():
+        raise OutputError(work, "is not a folder; choose another one with --work")
+    stock = tuple(StockView(f"stock:{name}", scene.title) for name, scene in STOCK_SCENES.items())
+    return Workshop(work.absolute(), command=(sys.executable, "-P", "-m", "prelight.cli.child"), stock=stock)
 
 
 def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) -> Bake:
@@ -104,22 +130,31 @@ def opened_or_baked(source: str, *, trust: bool = False, quiet: bool = False) ->
         return bake_planned(scene, target, plan=plan, resume=True, report=report)
 
 
-def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, json: bool = False) -> None:
-    """The studio of a bake until Ctrl-C."""
+def serve(
+    bake: Bake | None,
+    environments: Environments,
+    *,
+    shop: Workshop,
+    port: int | None = None,
+    browser: bool,
+    json: bool = False,
+) -> None:
+    """The studio of a bake, or without one its start page, until Ctrl-C."""
     from ..studio.kept import state_file
     from ..studio.server import Served, Studio
 
     def note(text: str) -> None:
         sys.stderr.write(f"prelight: {escaped(text)}\n")
 
-    kept = state_file(bake.path)
-    running = Studio(Served(bake, environments, kept, note), port=port)
+    kept = None if bake is None else state_file(bake.path)
+    running = Studio(Served(bake, environments, kept, note, path_tracer(), shop), port=port)
     link, asks = running.new_link(), not json and sys.stdin.isatty()
     if json:
         printing.say_json({"url": link})
     else:
         more = "Enter gives another link, " if asks else ""
-        printing.say(f"studio of {bake.path}: {link}\n{more}Ctrl-C ends the studio")
+        what = "start page of the studio" if bake is None else f"studio of {bake.path}"
+        printing.say(f"{what}: {link}\n{more}Ctrl-C ends the studio")
     sys.stdout.flush()
     if browser and _has_screen():
         threading.Thread(target=webbrowser.open, args=(link,), daemon=True).start()
@@ -132,8 +167,23 @@ def serve(bake: Bake, environments, *, port: int | None = None, browser: bool, j
             raise  # SIGTERM
         if not json:  # Ctrl-C is how one leaves, and nothing is lost
             printing.say(
-                f"the studio has ended; its light is in {kept}" if kept.exists() else "the studio has ended"
+                f"the studio has ended; its light is in {kept}"
+                if kept is not None and kept.exists()
+                else "the studio has ended"
             )
+
+
+def path_tracer() -> Pictures | None:
+    """The path tracer to compare with, where the renderer is installed."""
+    if importlib.util.find_spec("mitsuba") is None:
+        return None
+
+    def traced(bake: Bake, rig: Rig, camera: Camera, size: tuple[int, int], samples: int) -> Growing:
+        from ..checking.on_screen import pictures  # brings the renderer along
+
+        yield from pictures(bake, rig, camera, size, samples)
+
+    return traced
 
 
 def _has_screen() -> bool:

@@ -1,7 +1,9 @@
 """Clustered principal components (Sloan, Hall, Hart and Snyder 2003): receivers in clusters with bases of their own.
 
 A receiver's row is its cluster's mean and a few of its cluster's components: x ≈ m + Σ b_i z_i. Which receivers are in
-which cluster, and how many components each has, follow from what is left over.
+which cluster, and how many components each has, follow from what is left over. All colours of a receiver are in one
+cluster and share its mean and components, each with coordinates of its own: they answer to light much alike, and
+where three colours share a basis, clusters can be three times as small for the same bytes.
 
 References
 ----------
@@ -19,10 +21,9 @@ import numpy as np
 from ..arrays import Float32, Float64, Int32
 
 ROUNDS = 30
-_NEGLIGIBLE = (
-    1e-8  # of the squares of all rows: dimensions below it, all together, are left out from the beginning
-)
-_ROUGHLY = 1e-5  # the same, while clusters are being found
+# Shares of the squares of all rows: dimensions below, all together, are left out from the beginning, and while
+# clusters are being found.
+_NEGLIGIBLE, _ROUGHLY = 1e-8, 1e-5
 _SEED = 8
 _LLOYD = 8  # rounds of k-means to begin with
 
@@ -31,28 +32,42 @@ Rows = Float32[np.ndarray, "channels receivers columns"]
 
 @dataclass(frozen=True)
 class Cluster:
-    """Some receivers and what approximates their rows, channel by channel.
+    """Some receivers and what approximates their rows.
 
     Attributes
     ----------
     rows
         Receivers, ascending.
-    means
-        ``(columns,)`` of each channel.
+    mean
+        ``(columns,)``.
     basis
-        ``(components, columns)`` of each channel, orthonormal, the most important first.
+        ``(components, columns)``, orthonormal, the most important first.
     coordinates
-        ``(components, rows)`` of each channel.
+        ``(channels, components, rows)``.
+    gains
+        ``(components,)``: what every component takes from the squares left over, importance counted.
+    left
+        Squares that all of them leave.
     """
 
     rows: Int32[np.ndarray, "rows"]
-    means: list[Float32[np.ndarray, "columns"]]
-    basis: list[Float32[np.ndarray, "components columns"]]
-    coordinates: list[Float32[np.ndarray, "components rows"]]
+    mean: Float32[np.ndarray, "columns"]
+    basis: Float32[np.ndarray, "components columns"]
+    coordinates: Float32[np.ndarray, "channels components rows"]
+    gains: Float64[np.ndarray, "components"]
+    left: float
 
     def approximation(self, channel: int) -> Float32[np.ndarray, "rows columns"]:
         """What is kept of the rows."""
-        return self.means[channel] + self.coordinates[channel].T @ self.basis[channel]
+        return self.mean + self.coordinates[channel].T @ self.basis
+
+    def first(self, components: int) -> Cluster:
+        """With so many of its components and no more."""
+        n = components
+        left = self.left + float(self.gains[n:].sum())
+        return Cluster(
+            self.rows, self.mean, self.basis[:n], self.coordinates[:, :n].copy(), self.gains[:n], left
+        )
 
 
 def clustered_components(
@@ -61,6 +76,7 @@ def clustered_components(
     clusters: int,
     mean_components: float,
     error: float | None = None,
+    importance: Float32[np.ndarray, "receivers"] | None = None,
     rounds: int = ROUNDS,
 ) -> list[Cluster]:
     """Rows X (channels, receivers, columns) in at most so many clusters.
@@ -68,115 +84,158 @@ def clustered_components(
     Parameters
     ----------
     clusters
-        Fewer where a cluster becomes empty. All channels share them.
+        Fewer where a cluster becomes empty.
     mean_components
-        Coefficients of a receiver in the mean, over all receivers and channels.
+        Coefficients of a receiver and channel, in the mean.
     error
         Stop adding components when the RMS of what is left over, as a share of the rows', is below this; there are
         still no more than ``mean_components``.
+    importance
+        Of squares left over at each receiver, above 0: the surface around it, say. All alike if not given.
     rounds
         Of clustering by what is left over, at most: fewer where no receiver changes its cluster.
     """
-    spaces = [_Space(x) for x in X]
-    rough = [space.rough() for space in spaces]
     receivers = X.shape[1]
+    weights = np.ones(receivers) if importance is None else importance.astype(np.float64)
+    space = _Space.of(X, weights)
+    rough = space.rough()
     count = max(1, min(clusters, receivers))
-    of = _by_means(np.concatenate([space.rows for space in rough], axis=1), count)
-    budget = mean_components * receivers * len(X)
+    of = _by_means(np.concatenate(list(rough.rows), axis=1), count)
+    budget = mean_components * receivers
     # The number of components grows with the rounds, as clusters find their receivers.
     growing = max(1, min(rounds // 2, int(np.ceil(mean_components)))) if count > 1 else 1
     for turn in range(rounds if count > 1 else 0):
         share = min(1.0, (turn + 1) / growing)
-        fitted = _fitted(rough, of, budget=budget * share, error=error)
-        left = np.stack([_left_over(rough, bases) for bases in fitted], axis=1)
-        new = left.argmin(axis=1)
+        bases = _fitted(rough, of, budget=budget * share, error=error)
+        new = np.stack([_left_over(rough, base) for base in bases], axis=1).argmin(axis=1)
         if turn + 1 >= growing and (new == of).all():
             break
         of = np.unique(new, return_inverse=True)[1]
-    fitted = _fitted(spaces, of, budget=budget, error=error)
-    return [_cluster(spaces, np.flatnonzero(of == k), bases) for k, bases in enumerate(fitted)]
+    bases = _fitted(space, of, budget=budget, error=error)
+    return [_cluster(space, np.flatnonzero(of == k), base) for k, base in enumerate(bases)]
 
 
+def allocated(
+    clusters: list[Cluster], *, mean_components: float, error: float | None = None, total: float = 0.0
+) -> list[Cluster]:
+    """The components among those of many clusters that gain most for each coefficient they take.
+
+    As ``clustered_components`` does within its clusters, for all zones of a scene together: a zone that is evenly lit
+    leaves its coefficients to others. ``total`` are the squares that ``error`` is a share of.
+    """
+    budget = mean_components * sum(len(cluster.rows) for cluster in clusters)
+    left = sum(cluster.left + float(cluster.gains.sum()) for cluster in clusters)
+    bound = 0.0 if error is None else error**2 * total
+    queue = sorted(
+        (-float(gain) / len(cluster.rows), n, k)
+        for k, cluster in enumerate(clusters)
+        for n, gain in enumerate(cluster.gains)
+    )
+    kept = [0] * len(clusters)
+    for gain, n, k in queue:
+        size = len(clusters[k].rows)
+        if left <= bound or gain == 0:
+            break
+        if size > budget or n != kept[k]:
+            continue
+        kept[k], budget, left = n + 1, budget - size, left + gain * size
+    return [cluster.first(n) for cluster, n in zip(clusters, kept, strict=True)]
+
+
+@dataclass(frozen=True)
 class _Space:
-    """Rows of one channel in the few dimensions that hold all but a negligible part of them."""
+    """Rows in the few dimensions that hold all but a negligible part of them.
 
-    def __init__(self, x: Float32[np.ndarray, "receivers columns"]) -> None:
-        x = x.astype(np.float64)
-        small = x.T @ x if x.shape[1] <= x.shape[0] else x @ x.T
-        squares, vectors = np.linalg.eigh(small)
+    ``axes`` (dimensions, columns), the most important first; ``rows`` (channels, receivers, dimensions); ``total``
+    squares, importance counted; ``few`` dimensions roughly hold them.
+    """
+
+    axes: np.ndarray
+    rows: np.ndarray
+    weights: np.ndarray
+    total: float
+    few: int
+
+    @classmethod
+    def of(cls, X: Rows, weights: np.ndarray) -> _Space:
+        channels, receivers, columns = X.shape
+        x = X.reshape(-1, columns).astype(np.float64)
+        is_tall = columns <= len(x)
+        squares, vectors = np.linalg.eigh(x.T @ x if is_tall else x @ x.T)
         squares, vectors = np.maximum(squares[::-1], 0), vectors[:, ::-1]
         rest = squares[::-1].cumsum()[::-1]
-        keep = max(1, int(np.count_nonzero(rest > _NEGLIGIBLE * max(rest[0], 1e-300))))
-        if x.shape[1] <= x.shape[0]:
-            self.axes = np.ascontiguousarray(vectors[:, :keep].T)  # (dimensions, columns)
+        keep, few = (
+            max(1, int(np.count_nonzero(rest > share * max(rest[0], 1e-300))))
+            for share in (_NEGLIGIBLE, _ROUGHLY)
+        )
+        if is_tall:
+            axes = np.ascontiguousarray(vectors[:, :keep].T)
         else:
-            self.axes = vectors[:, :keep].T @ x / np.sqrt(np.maximum(squares[:keep], 1e-300))[:, None]
-        self.rows = x @ self.axes.T
-        self.total = float(squares.sum())
-        self._rough = max(1, int(np.count_nonzero(rest > _ROUGHLY * max(rest[0], 1e-300))))
+            axes = vectors[:, :keep].T @ x / np.sqrt(np.maximum(squares[:keep], 1e-300))[:, None]
+        rows = (x @ axes.T).reshape(channels, receivers, keep)
+        total = float(np.einsum("v,cvd,cvd->", weights, rows, rows, optimize=True))
+        return cls(axes, rows, weights, total, few)
 
     def rough(self) -> _Space:
         """The same in its leading dimensions."""
-        found = object.__new__(_Space)
-        found.axes, found.rows, found.total = (
-            self.axes[: self._rough],
-            self.rows[:, : self._rough],
-            self.total,
-        )
-        return found
+        few = self.few
+        return _Space(self.axes[:few], self.rows[:, :, :few].copy(), self.weights, self.total, few)
 
 
-_Bases = list[tuple[np.ndarray, np.ndarray]]  # of each channel: mean and components in its space
+_Base = tuple[
+    np.ndarray, np.ndarray, np.ndarray, float
+]  # mean, components, what each takes off, what they leave
 
 
-def _fitted(spaces: list[_Space], of: np.ndarray, *, budget: float, error: float | None) -> list[_Bases]:
-    """Mean and components of every cluster and channel: the next component goes where it gains most a receiver."""
-    count = int(of.max()) + 1
+def _fitted(space: _Space, of: np.ndarray, *, budget: float, error: float | None) -> list[_Base]:
+    """Mean and components of every cluster: the next component goes where it gains most a receiver."""
+    count, channels = int(of.max()) + 1, len(space.rows)
     sizes = np.bincount(of, minlength=count)
-    means, vectors, queue, left = {}, {}, [], 0.0
+    means, vectors, queue, left = [], [], [], 0.0
     for k in range(count):
-        for c, space in enumerate(spaces):
-            own = space.rows[of == k]
-            means[k, c] = own.mean(axis=0)
-            centred = own - means[k, c]
-            squares, axes = np.linalg.eigh(centred.T @ centred)
-            squares = np.maximum(squares[::-1], 0)
-            vectors[k, c] = axes[:, ::-1].T, squares
-            left += float(squares.sum())
-            queue.append((-squares[0] / sizes[k], k, c, 0))
+        mine = of == k
+        own = space.rows[:, mine].reshape(-1, space.rows.shape[2])
+        weights = np.tile(space.weights[mine], channels)
+        means.append(weights @ own / weights.sum())
+        centred = own - means[k]
+        squares, axes = np.linalg.eigh(centred.T @ (centred * weights[:, None]))
+        squares = np.maximum(squares[::-1], 0)
+        vectors.append((axes[:, ::-1].T, squares))
+        left += float(squares.sum())
+        queue.append((-squares[0] / sizes[k], k, 0))
     heapq.heapify(queue)
-    kept = dict.fromkeys(means, 0)
-    bound = 0.0 if error is None else error**2 * sum(space.total for space in spaces)
+    kept = [0] * count
+    bound = 0.0 if error is None else error**2 * space.total
     while queue and left > bound:
-        gain, k, c, n = heapq.heappop(queue)
+        gain, k, n = heapq.heappop(queue)
         if gain == 0 or sizes[k] > budget:
             continue
         budget -= sizes[k]
-        kept[k, c], squares = n + 1, vectors[k, c][1]
+        kept[k], squares = n + 1, vectors[k][1]
         left -= squares[n]
-        if n + 1 < min(len(squares), sizes[k]):
-            heapq.heappush(queue, (-squares[n + 1] / sizes[k], k, c, n + 1))
-    return [[(means[k, c], vectors[k, c][0][: kept[k, c]]) for c in range(len(spaces))] for k in range(count)]
+        if n + 1 < min(len(squares), channels * sizes[k]):
+            heapq.heappush(queue, (-squares[n + 1] / sizes[k], k, n + 1))
+    return [
+        (mean, axes[:n], squares[:n], float(squares[n:].sum()))
+        for mean, (axes, squares), n in zip(means, vectors, kept, strict=True)
+    ]
 
 
-def _left_over(spaces: list[_Space], bases: _Bases) -> Float64[np.ndarray, "receivers"]:
-    """Squares of what a cluster's mean and components leave of every receiver."""
-    left = np.zeros(len(spaces[0].rows))
-    for space, (mean, components) in zip(spaces, bases, strict=True):
-        centred = space.rows - mean
-        left += np.einsum("ij,ij->i", centred, centred)
-        along = centred @ components.T
-        left -= np.einsum("ij,ij->i", along, along)
-    return left
+def _left_over(space: _Space, base: _Base) -> Float64[np.ndarray, "receivers"]:
+    """Squares of what a cluster's mean and components leave of every receiver, all channels together."""
+    centred = space.rows - base[0]
+    along = centred @ base[1].T
+    squares = np.einsum("cvd,cvd->v", centred, centred)
+    return squares - np.einsum("cvn,cvn->v", along, along)
 
 
-def _cluster(spaces: list[_Space], rows: np.ndarray, bases: _Bases) -> Cluster:
-    means, basis, coordinates = [], [], []
-    for space, (mean, components) in zip(spaces, bases, strict=True):
-        means.append((mean @ space.axes).astype(np.float32))
-        basis.append((components @ space.axes).astype(np.float32))
-        coordinates.append(np.ascontiguousarray(components @ (space.rows[rows] - mean).T, np.float32))
-    return Cluster(rows.astype(np.int32), means, basis, coordinates)
+def _cluster(space: _Space, rows: np.ndarray, base: _Base) -> Cluster:
+    mean, components, gains, left = base
+    along = (space.rows[:, rows] - mean) @ components.T
+    return Cluster(
+        rows.astype(np.int32), (mean @ space.axes).astype(np.float32), (components @ space.axes).astype(np.float32),
+        np.ascontiguousarray(along.transpose(0, 2, 1), np.float32), gains, left,
+    )  # fmt: skip
 
 
 def _by_means(rows: Float64[np.ndarray, "receivers n"], count: int) -> np.ndarray:

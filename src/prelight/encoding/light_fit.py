@@ -1,7 +1,7 @@
 """Which lights of a cloud stand for another: the paper's kernel, and weights fitted to the light that falls.
 
-Indirect light is a linear function of direct light. So weights whose direct light is that of the lamp give its indirect
-light, wherever the lamp is and whatever is in its way; what no weights give is a remainder, patch by patch.
+Indirect light is a linear function of direct light. So weights whose direct light brings what the lamp's does give its
+indirect light, wherever the lamp is and whatever is in its way; what no weights give is a remainder, mode by mode.
 """
 
 from __future__ import annotations
@@ -54,28 +54,29 @@ def normalised(weights: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
 
 
 def fitted(
-    target: Float64[np.ndarray, "patches"],
-    fluxes: Float32[np.ndarray, "lights patches"],
+    target: Float64[np.ndarray, "numbers"],
+    brought: Float32[np.ndarray, "lights numbers"],
     prior: Float64[np.ndarray, "lights"],
     freedom: Float64[np.ndarray, "lights"],
 ) -> Float64[np.ndarray, "lights"]:
-    """Weights of lights whose light on the patches is nearest to ``target``'s, in least squares.
+    """Weights of lights that together bring what is nearest to ``target``, in least squares.
 
     Parameters
     ----------
     target
-        The lamp's flux on each patch.
-    fluxes
-        Those of the lights.
+        What the lamp's direct light brings of each mode (or patch).
+    brought
+        What the lights' does.
     prior
         Weights that are held to, of a light as bright as the lamp: scaled by how much of its light falls anywhere.
     freedom
         0 to 1: how far each light's weight may leave its prior; none at the rim, so that weights are continuous
         as the lamp moves and others become its neighbours.
     """
-    F = fluxes.astype(np.float64)
-    of_prior = float(np.abs(prior @ F).sum())
-    start = prior * min(1.0, float(np.abs(target).sum()) / of_prior) if of_prior > 0 else 0 * prior
+    F = brought.astype(np.float64)
+    of_prior = prior @ F
+    squares = float(of_prior @ of_prior)
+    start = prior * min(1.0, max(0.0, float(target @ of_prior) / squares)) if squares > 0 else 0 * prior
     moving = freedom > _RIM
     if not moving.any():
         return start

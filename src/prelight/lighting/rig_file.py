@@ -169,6 +169,13 @@ _KNOWN: dict[tuple[str, ...], type[BaseModel]] = {
     ("panel", PLACED, "keys"): PlacedPanelKey,
     ("portal",): PortalTable,
 }
+
+
+def known_tables() -> tuple[type[BaseModel], ...]:
+    """Every kind of table that a rig may have, itself first."""
+    return tuple(dict.fromkeys(_KNOWN.values()))
+
+
 _IN_WORDS = {
     "tuple_type": "expected numbers in brackets such as [1.0, 0.9, 0.8]",
     "too_long": "too many of them",

@@ -85,6 +85,13 @@ class OutsideTable(Table):
     object: list[ObjectTable] = Field(default_factory=list, max_length=_MOST_OBJECTS)
     room: PathTable | None = None
 
+    @field_validator("scene")
+    @classmethod
+    def _can_be_a_name(cls, value: str | None) -> str | None:
+        if value is not None and "\x00" in value:
+            raise ValueError("the scene's name has a NUL character")
+        return value
+
     @model_validator(mode="after")
     def _has_something(self) -> OutsideTable:
         if self.scene is None and not self.object:

@@ -111,7 +111,7 @@ class LampTable(_PlacedTable):
 
     @model_validator(mode="after")
     def _check(self) -> LampTable:
-        if any(getattr(self, name) is not None for name in _SHAPES if name != "ies"):
+        if any(getattr(self, name) is not None for name in (*_SHAPES, "spread_deg") if name != "ies"):
             raise ValueError("a lamp shines all around or has an ies; a beam is a [[spot]] with position")
         if self.ies is None and (self.has_direction or self.target is not None):
             raise ValueError("a lamp without an ies shines all around: leave its direction out")
@@ -150,7 +150,7 @@ class PlacedPanelTable(_PlacedTable):
 
     @model_validator(mode="after")
     def _check(self) -> PlacedPanelTable:
-        if any(getattr(self, name) is not None for name in _SHAPES):
+        if any(getattr(self, name) is not None for name in (*_SHAPES, "spread_deg")):
             raise ValueError("a panel with size shines evenly: a shape is for spots")
         self.check_beam()
         self.check_place("radiance")

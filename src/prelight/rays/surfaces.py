@@ -173,7 +173,7 @@ class SurfaceScene:
         roughness, metallic = self._roughness(material, scene)
         inner = {
             "type": "principled", "base_color": base, "roughness": roughness, "metallic": metallic,
-            "eta": _index_of_refraction(material), "spec_trans": material.transmission,
+            "eta": index_of_refraction(material), "spec_trans": material.transmission,
             "clearcoat": material.clearcoat, "clearcoat_gloss": self._gloss(material),
         }  # fmt: skip
         if material.transmission:
@@ -260,7 +260,7 @@ def _widths(material: Material, scene: Scene) -> tuple[float, float]:
     return roughness**2, material.clearcoat_roughness**2 if material.clearcoat else 1.0
 
 
-def _index_of_refraction(material: Material) -> float:
+def index_of_refraction(material: Material) -> float:
     """Of a dielectric whose reflection straight on is ``specular`` × that at ``ior``."""
     r = material.specular**0.5 * (material.ior - 1) / (material.ior + 1)
     return max((1 + r) / (1 - r), 1.0001)

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Radiance
+from ..arrays import Float32, Normals, Positions, Radiance, Triangles
+from ..drawing.view import View
 from ..errors import InputError
 from ..lighting.placed_lights import Lamp, PlacedLight
 from ..lighting.quantities import Triple
@@ -22,10 +23,13 @@ from ..lighting.rig import Rig
 from ..rays.segments import PlainSegments
 from ..storage.bake import Bake
 from ..storage.cloud_layer import INTERPOLATIONS
+from .cloud_fading import Fading
 from .cloud_kernels import cloud_light
 from .cloud_weights import CloudWeights, Weights
 from .environment import Update
+from .pixel_light import PointLit
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
+from .placed_gloss import PlacedGloss
 from .stored_cloud import CloudLayer, open_cloud
 
 _REMEMBERED = 8  # lamps that were lit, and may come back
@@ -50,10 +54,12 @@ class CloudRelighter:
     name
         Of its cloud layer; the first if not given.
     interpolation
-        ``fitted``: weights and patches fitted to the direct light; or ``kernel``, the paper's, for lamps that shine
+        ``fitted``: weights and modes fitted to the direct light; or ``kernel``, the paper's, for lamps that shine
         alike in all directions. The layer's own if not given.
     shadow_rays
         From each vertex to each lamp that is not a point.
+    fading
+        For a live session, that lights it again until nothing ``is_settling``: weights follow the lamps in time.
 
     Raises
     ------
@@ -68,18 +74,21 @@ class CloudRelighter:
         *,
         interpolation: str | None = None,
         shadow_rays: int = SHADOW_RAYS,
+        fading: Fading | None = None,
     ) -> None:
+        self._fading = fading
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self.layer: CloudLayer = open_cloud(self.bake, name)
         self.name = self.layer.name
         chosen = interpolation or str(self.layer.parameters["interpolation"])
-        if chosen not in INTERPOLATIONS or (chosen == "fitted" and not self.layer.patches):
-            there = INTERPOLATIONS if self.layer.patches else INTERPOLATIONS[1:]
+        if chosen not in INTERPOLATIONS or (chosen == "fitted" and not self.layer.extras):
+            there = INTERPOLATIONS if self.layer.extras else INTERPOLATIONS[1:]
             raise InputError("interpolation", f"{chosen!r}, expected {' or '.join(there)}")
         receivers = self.bake.receivers
         segments = PlainSegments(receivers.positions, self.bake.triangles, receivers.normals)
         self._placed = PlacedDirect(self.bake, self.layer.origins, shadow_rays=shadow_rays)
         self._weights = CloudWeights(self.layer, segments, interpolation=chosen)
+        self._gloss = PlacedGloss.of(self.bake, self.name, self._placed)
         self._known: OrderedDict[PlacedLight, _Known] = OrderedDict()
         self._lit: list[tuple[PlacedLight, Triple]] = []
         self._indirect = np.zeros((len(receivers), 3), np.float32)
@@ -88,6 +97,11 @@ class CloudRelighter:
     @property
     def interpolation(self) -> str:
         return self._weights.interpolation
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether lighting it again, a moment later, would show something else."""
+        return self._fading is not None and self._fading.is_settling
 
     def light(self, rig: Rig) -> bool:
         """Take the rig's lamps, as they are at its beginning; True if something changed.
@@ -102,7 +116,7 @@ class CloudRelighter:
         lit = [(white(light), light.colour) for light in lights if max(light.colour) > 0]
         if self.interpolation == "kernel":
             _refuse_shaped(lit)
-        changed = lit != self._lit
+        changed = lit != self._lit or self.is_settling
         new = 0
         for light in dict.fromkeys(light for light, _ in lit):
             if light not in self._known:
@@ -113,6 +127,8 @@ class CloudRelighter:
         read = 0
         if changed:
             self._indirect = self._bounced()
+            if self._gloss is not None:
+                self._gloss.forget()
             read = self.layer.bytes if lit else 0
         took = (time.perf_counter() - began) * 1e3
         self.last = Update("full" if changed else "none", took, read, new)
@@ -143,11 +159,17 @@ class CloudRelighter:
     def _bounced(self) -> Radiance:
         out = np.zeros((len(self._indirect), 3), np.float32)
         weights = np.zeros((3, self.layer.slots), np.float32)
-        for light, colour in self._lit:
-            weights += self._known[light].weights * np.array(colour, np.float32)[:, None]
+        shown = [self._known[light].weights for light, _ in self._lit]
+        if self._fading is not None:
+            shown = self._fading.toward(shown)
+        for own, (_, colour) in zip(shown, self._lit, strict=True):
+            weights += own * np.array(colour, np.float32)[:, None]
         if weights.any():
             layer = self.layer
-            cloud_light(layer.places, layer.bases, layer.codes, layer.scales, weights, layer.order, out)
+            is_grey = bool((weights[1:] == weights[0]).all())
+            cloud_light(
+                layer.places, layer.bases, layer.codes, layer.scales, weights, is_grey, layer.order, out
+            )
         return out
 
     def _forget(self) -> None:
@@ -182,9 +204,33 @@ class CloudRelighter:
         return list(dict.fromkeys(note for light, _ in self._lit for note in self._known[light].notes))
 
     def glossy(self, eye: Triple) -> Radiance | None:
-        """None: it lights diffuse surfaces."""
-        del eye
-        return None
+        """(V, 3) what glossy vertices add toward a point; None where the layer was baked without."""
+        return None if self._gloss is None else self._gloss.toward(eye, self.irradiance, self._lit)
+
+    def drawn_gloss(
+        self, view: View, triangles: Triangles, *, eye: Triple, fine: bool
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        """The same as ``view`` sees it of ``triangles``, pixel by pixel."""
+        if self._gloss is None:
+            return None
+        return self._gloss.drawn(view, triangles, self.irradiance, self._lit, eye=eye, fine=fine)
+
+    @property
+    def point_lit(self) -> PointLit | None:
+        """Its lamps, at any point."""
+        return self if self._lit else None
+
+    @property
+    def lamp_light(self) -> Radiance:
+        """Of ``irradiance``, what comes from the lamps themselves."""
+        return self.direct
+
+    def lamp_light_at(self, points: Positions, normals: Normals, *, shadow_rays: int) -> Radiance:
+        """``lamp_light`` at other points (n, 3) of surfaces, with unit normals: irradiance / π."""
+        there, out = self._placed.elsewhere(points, normals, shadow_rays=shadow_rays), np.zeros_like(points)
+        for light, colour in self._lit:
+            out += there.of(light) * np.array(colour, np.float32)
+        return out
 
 
 def _said(light: PlacedLight) -> str:

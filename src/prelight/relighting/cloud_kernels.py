@@ -21,21 +21,28 @@ def _dot(a, b):
 
 
 @njit(cache=True)
-def _cluster(k, places, bases, codes, scales, weights, order, out):
-    """The rows of one cluster, in three channels."""
+def _cluster(k, places, bases, codes, scales, weights, is_grey, order, out):
+    """The rows of one cluster, in three channels: what a shared basis brings is the same for all of a grey light."""
     first, rows, slot, width = places[k, 0], places[k, 1], places[k, 2], places[k, 3]
     sums = np.empty(rows, np.float32)
     channels = (places.shape[1] - 4) // 4
+    most = 0
+    for c in range(channels):
+        most = max(most, places[k, 4 + 4 * c])
+    brought = np.empty(most + 1, np.float32)
+    last = np.int64(-1)
     for c in range(3):
         at = 4 + 4 * (c if channels == 3 else 0)
         components, base, code, scale = places[k, at], places[k, at + 1], places[k, at + 2], places[k, at + 3]
-        w = weights[c, slot : slot + width]
-        mean = _dot(bases[base : base + width], w)
-        for r in range(rows):
-            sums[r] = mean
+        if base != last or not is_grey:
+            w = weights[c, slot : slot + width]
+            for i in range(components + 1):
+                start = base + i * width
+                brought[i] = _dot(bases[start : start + width], w)
+            last = base
+        sums[:] = brought[0]
         for i in range(components):
-            start = base + (i + 1) * width
-            b = _dot(bases[start : start + width], w) * scales[scale + i]
+            b = brought[i + 1] * scales[scale + i]
             own = codes[code + i * rows : code + (i + 1) * rows]
             for r in range(len(own)):
                 sums[r] += b * np.float32(own[r])
@@ -46,7 +53,14 @@ def _cluster(k, places, bases, codes, scales, weights, order, out):
 @njit(
     [
         types.void(
-            _places, _list, types.Array(code, 1, "C", readonly=True), _list, _weights, _order, f4[:, ::1]
+            _places,
+            _list,
+            types.Array(code, 1, "C", readonly=True),
+            _list,
+            _weights,
+            types.boolean,
+            _order,
+            f4[:, ::1],
         )
         for code in (types.int8, f4)
     ],
@@ -54,11 +68,12 @@ def _cluster(k, places, bases, codes, scales, weights, order, out):
     cache=True,
     nogil=True,
 )
-def cloud_light(places, bases, codes, scales, weights, order, out):
+def cloud_light(places, bases, codes, scales, weights, is_grey, order, out):
     """out (V, 3) = Σ over lights of weight · what is kept of the vertex's answer, x ≈ m + Σ b z.
 
     places (clusters, 4 + 4 · channels): first row in ``order``, rows, first weight, weights; then for each channel
-    how many components, and where bases, codes and their scales begin. weights (3, …) of each zone one after the other.
+    how many components, and where bases, codes and their scales begin. weights (3, …) of each zone one after the other,
+    all three alike if ``is_grey``.
     """
     for k in prange(len(places)):
-        _cluster(k, places, bases, codes, scales, weights, order, out)
+        _cluster(k, places, bases, codes, scales, weights, is_grey, order, out)

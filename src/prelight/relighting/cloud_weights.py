@@ -1,4 +1,4 @@
-"""Which lights of a cloud, and which patches, stand for a lamp: a weight for each group of lights of every zone."""
+"""Which lights of a cloud, and which modes, stand for a lamp: a weight for each group of lights of every zone."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from ..encoding.light_fit import (
 )
 from ..lighting.placed_lights import Lamp, PlacedLight
 from ..rays.segments import PlainSegments
+from .bounced_kernels import blocks_of, project
+from .cloud_modes import ModesInZones
 from .stored_cloud import CloudLayer
 
 _FEW = 6  # of the nearest lights that must be seen; else all are looked at
@@ -40,6 +42,8 @@ class CloudWeights:
     def __init__(self, layer: CloudLayer, segments: PlainSegments, *, interpolation: str) -> None:
         self._layer, self._segments, self.interpolation = layer, segments, interpolation
         self._extent = float((layer.high - layer.low).max())
+        has_modes = interpolation == "fitted" and layer.sources is not None
+        self._modes = ModesInZones(layer) if has_modes else None
         if interpolation == "kernel":
             zones = range(len(layer.slot_of))
             self._groups = [layer.group_lights(zone) for zone in zones]
@@ -63,11 +67,28 @@ class CloudWeights:
             direct = bounded(direct, self._layer.areas)
         is_grey = bool((direct[:, :1] == direct).all())
         lights, distances = self._seen(self.place(light))
-        for c in range(1 if is_grey else 3):
-            out[c] = self._fitted(direct[:, c], lights, distances)
+        for c, target in enumerate(self._brought(direct, is_grey=is_grey)):
+            out[c] = self._fitted(target, lights, distances)
         if is_grey:
             out[1:] = out[0]
         return out
+
+    def _brought(
+        self, direct: Float32[np.ndarray, "vertices 3"], *, is_grey: bool
+    ) -> Float64[np.ndarray, "n extras"]:
+        """How much direct light brings of each mode or patch, channel by channel; one channel stands for three."""
+        layer, count = self._layer, 1 if is_grey else 3
+        areas = layer.areas
+        assert areas is not None
+        if layer.sources is None or layer.source_scales is None:
+            assert layer.patch_of is not None
+            return np.stack([patch_flux(d, areas, layer.patch_of, layer.extras) for d in direct.T[:count]])
+        light = direct * areas[:, None]
+        if is_grey:
+            light[:, 1:] = 0
+        found = np.empty((blocks_of(len(light)), 3, layer.extras), np.float32)
+        project(layer.sources[None], light, found)
+        return found.sum(axis=0, dtype=np.float64)[:count] * layer.source_scales
 
     def _seen(self, place: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Neighbours that the lamp sees, how far they are, and their part of the paper's kernel."""
@@ -84,18 +105,16 @@ class CloudWeights:
         return found[free], (far[free], kernel(far[free], reach))
 
     def _fitted(
-        self, direct: np.ndarray, lights: np.ndarray, distances: tuple[np.ndarray, np.ndarray]
+        self, target: np.ndarray, lights: np.ndarray, distances: tuple[np.ndarray, np.ndarray]
     ) -> Float32[np.ndarray, "slots"]:
         layer = self._layer
         assert layer.fluxes is not None
-        assert layer.areas is not None
-        assert layer.patch_of is not None
-        target = patch_flux(direct, layer.areas, layer.patch_of, layer.patches)
-        fluxes, (far, shape) = layer.fluxes[lights], distances
-        w = fitted(target, fluxes, prior(far, shape), np.sqrt(shape))
+        brought, (far, shape) = layer.fluxes[lights], distances
+        w = fitted(target, brought, prior(far, shape), np.sqrt(shape))
         out = np.bincount(layer.slot_of[:, lights].ravel(), np.tile(w, len(layer.slot_of)), layer.slots)
-        left = target - w @ fluxes.astype(np.float64)
-        out[layer.first_patch[:, None] + np.arange(layer.patches)] = left
+        left = target - w @ brought.astype(np.float64)
+        own = left if self._modes is None else self._modes.believed(left)
+        out[layer.first_extra[:, None] + np.arange(layer.extras)] = own
         return out.astype(np.float32)
 
     def _by_kernel(self, place: np.ndarray) -> Float32[np.ndarray, "slots"]:

@@ -26,9 +26,11 @@ CELLS = 16  # a side of a face
 _NONE = (1 << 25) - 1
 _GRAZING = 0.05  # cosine: what is seen flatter than this is seen as at this
 _LARGEST = 1e6
+MOST_PANES = 1024
 
 _NO_SOURCES = (np.zeros((0, 3), np.float32),) * 2
 
+CellLight = Float32[np.ndarray, "6 cells cells 3"] | Float32[np.ndarray, "panes 6 cells cells 3"]
 Coefficients = Float32[np.ndarray, "rows 3 functions"]
 Lights = tuple[Float32[np.ndarray, "rows lights 3"], Float32[np.ndarray, "rows lights 3"]]
 
@@ -47,6 +49,7 @@ class StoredExitant:
     matt: Float32[np.ndarray, "rows 3"]
     strength: Float32[np.ndarray, "rows 3"]
     reflectance: Float32[np.ndarray, "rows 3"]
+    panes: UInt16[np.ndarray, "entries"] | None = None
 
 
 class Exitant:
@@ -77,7 +80,11 @@ class Exitant:
         self._reflectance = albedo.astype(np.float32).copy()
         self._reflectance[self.rows] = stored.reflectance
         starts = np.concatenate([[0], np.cumsum(stored.counts, dtype=np.int64)])
-        self._seen = (starts, stored.texels, stored.codes)
+        cells = stored.texels.astype(np.uint32)
+        self.panes = 1 if stored.panes is None else int(stored.panes.max(initial=0)) + 1
+        if stored.panes is not None:
+            cells += stored.panes.astype(np.uint32) * np.uint32(6 * CELLS * CELLS)
+        self._seen = (starts, cells, stored.codes)
         self._vertices = len(positions)
 
     @property
@@ -95,7 +102,8 @@ class Exitant:
         """Directions and solid angles of the cells, in the order of texels."""
         face, row, column = (x.ravel() for x in np.indices((6, CELLS, CELLS)))
         d = directions(face, (2 * column + 1) / CELLS - 1, (2 * row + 1) / CELLS - 1)
-        return d.astype(np.float32), np.tile(solid_angles(CELLS).ravel(), 6)
+        solid = np.tile(solid_angles(CELLS).ravel(), 6 * self.panes)
+        return np.tile(d.astype(np.float32), (self.panes, 1)), solid
 
     @cached_property
     def _step_of(self) -> np.ndarray:
@@ -106,7 +114,7 @@ class Exitant:
     def coefficients(
         self,
         *,
-        sky: Float32[np.ndarray, "6 cells cells 3"] | None = None,
+        sky: CellLight | None = None,
         surfaces: Radiance | None = None,
         lights: Lights | None = None,
     ) -> Coefficients:
@@ -115,7 +123,8 @@ class Exitant:
         Parameters
         ----------
         sky
-            ∫ L dω of each cell of a cube map of 16² to a face (``on_cells``).
+            ∫ L dω of each cell of a cube map of 16² to a face (``on_cells``); (panes, 6, 16, 16, 3) as each pane shows
+            it, where the sky is seen through panes.
         surfaces
             (V, 3) irradiance / π before albedo at every vertex, of all bounces: what is seen mirrored. Glossy surfaces
             are mirrored as if they sent as much light alike into all directions.
@@ -163,10 +172,12 @@ class Exitant:
         *,
         coefficients: Coefficients,
         lights: Lights | None = None,
+        there: Lights | None = None,
     ) -> Float32[np.ndarray, "points 3"]:
         """``shine`` at points of triangles, by the normals there.
 
-        ``corners`` (points, 3): places in ``rows`` of each triangle's vertices, ``weights`` add up to 1.
+        ``corners`` (points, 3): places in ``rows`` of each triangle's vertices, ``weights`` add up to 1. ``lights`` are
+        the rows', and interpolated; ``there`` those of the points, (points, K, 3) each.
         """
         stored = self._stored
         normals, positions, strength = (
@@ -180,25 +191,34 @@ class Exitant:
             _unit(np.asarray(eye, np.float32) - positions), self._frames, coefficients, recurrence(self.order),
             np.float32(_GRAZING), out,
         )  # fmt: skip
-        if lights is None:
-            return out
-        d, energies = self._lights(lights)
-        way = _unit(np.einsum("nk,nklc->nlc", weights, d[corners]))
-        energy = np.einsum("nk,nklc->nlc", weights, energies[corners])
-        local, sharp = frames(normals), np.empty_like(out)
-        seen = (np.zeros(len(weights) + 1, np.int64), self._seen[1], self._seen[2])
-        surface = (local, stored.lobe_of[corners[:, 0]], strength)
+        local = frames(normals)
+        of_points = (local, stored.lobe_of[corners[:, 0]], strength)
+        toward = _toward_eye(eye, positions, local)
+        if lights is not None:
+            d, energies = self._lights(lights)
+            way = _unit(np.einsum("nk,nklc->nlc", weights, d[corners]))
+            energy = np.einsum("nk,nklc->nlc", weights, energies[corners])
+            out += self._mirrored(of_points, (way, energy), toward)
+        if there is not None:
+            out += self._mirrored(of_points, self._lights(there, len(out)), toward)
+        return out
+
+    def _mirrored(
+        self, surface: tuple, lights: Lights, toward: np.ndarray
+    ) -> Float32[np.ndarray, "points 3"]:
+        """Single lights by the BRDF itself: ``surface`` frames, tables and strengths of points."""
+        none = (np.zeros(len(toward) + 1, np.int64), self._seen[1], self._seen[2])
+        out = np.empty((len(toward), 3), np.float32)
         exitant_toward(
-            seen, self._cells, _NO_SOURCES, surface, (way, energy), stored.highlights,
-            _toward_eye(eye, positions, local), sharp,
+            none, self._cells, _NO_SOURCES, surface, lights, self._stored.highlights, toward, out
         )  # fmt: skip
-        return out + sharp
+        return out
 
     def exact(
         self,
         eye: Triple,
         *,
-        sky: Float32[np.ndarray, "6 cells cells 3"] | None = None,
+        sky: CellLight | None = None,
         surfaces: Radiance | None = None,
         lights: Lights | None = None,
     ) -> Float32[np.ndarray, "rows 3"]:
@@ -229,17 +249,22 @@ class Exitant:
         return out
 
     def _sources(self, sky: np.ndarray | None, surfaces: Radiance | None) -> tuple[np.ndarray, np.ndarray]:
-        light, B = np.zeros((6 * CELLS * CELLS, 3), np.float32), np.zeros((self._vertices, 3), np.float32)
+        cells = 6 * CELLS * CELLS
+        light, B = np.zeros((self.panes * cells, 3), np.float32), np.zeros((self._vertices, 3), np.float32)
         if sky is not None:
-            _expect("sky", sky, (6, CELLS, CELLS, 3))
-            light = np.ascontiguousarray(sky, np.float32).reshape(-1, 3)
+            if np.ndim(sky) == 4:
+                sky = np.broadcast_to(sky, (self.panes, *np.shape(sky)))
+            _expect("sky", sky[: self.panes], (self.panes, 6, CELLS, CELLS, 3))
+            light = np.array(sky[: self.panes], np.float32, order="C").reshape(
+                -1, 3
+            )  # a broadcast is read only
         if surfaces is not None:
             _expect("surfaces", surfaces, B.shape)
             B = np.ascontiguousarray(self._reflectance * surfaces, np.float32)
         return light, B
 
-    def _lights(self, lights: Lights | None) -> Lights:
-        rows = len(self.rows)
+    def _lights(self, lights: Lights | None, rows: int | None = None) -> Lights:
+        rows = len(self.rows) if rows is None else rows
         d, energy = (np.zeros((rows, 0, 3), np.float32),) * 2 if lights is None else lights
         for given in (d, energy):
             _expect("lights", given, (rows, d.shape[1] if np.ndim(d) == 3 else 0, 3))
@@ -308,7 +333,10 @@ def read_exitant(bake: Bake, at: str) -> Exitant | None:
         "strength",
         "reflectance",
     )
-    stored = StoredExitant(*(bake.array(f"{at}/{name}") for name in names))
+    panes = bake.array(f"{at}/panes") if f"{at}/panes" in bake.manifest.arrays else None
+    stored = StoredExitant(*(bake.array(f"{at}/{name}") for name in names), panes)
+    if panes is not None and int(panes.max(initial=0)) >= MOST_PANES:
+        raise DamagedBakeError(bake.path, f"{at}/panes names more than {MOST_PANES}")
     V, rows, codes = len(bake.receivers), stored.rows, stored.codes
 
     of_angles = (*stored.highlights.shape[:3], stored.highlights.shape[3] // 3, 3)

@@ -9,7 +9,7 @@ ROWS = 16  # of one thread at a time
 SINES = 4096  # steps of the cosine that tell the angle of incidence
 
 _QUARTER = np.float32(0.25)
-f4, i4, i8, u2 = types.float32, types.int32, types.int64, types.uint16
+f4, i4, i8, u4 = types.float32, types.int32, types.int64, types.uint32
 
 
 def _read_only(kind: types.Type, dimensions: int) -> types.Array:
@@ -192,7 +192,7 @@ def _some_eyes(seen, cells, sources, surfaces, lights, highlights, toward, out, 
         out[row, 2] = blue * strength[row, 2] / ez
 
 
-_seen = types.Tuple((_read_only(i8, 1), _read_only(u2, 1), _read_only(i4, 1)))
+_seen = types.Tuple((_read_only(i8, 1), _read_only(u4, 1), _read_only(i4, 1)))
 _cells = types.Tuple((_read_only(f4, 2), _read_only(f4, 1)))
 _sources = types.Tuple((f4[:, ::1], f4[:, ::1]))
 _surfaces = types.Tuple((_read_only(f4, 3), _read_only(i4, 1), _read_only(f4, 2)))
@@ -207,7 +207,8 @@ _lights = types.Tuple((f4[:, :, ::1], f4[:, :, ::1]))
 def exitant_coefficients(seen, cells, sources, surfaces, lights, lobes, step_of, out):
     """out (G, 3, (n + 1)²), written: what leaves each row, in harmonics of its own frame.
 
-    seen: starts, texels, codes of ``transport.exitant.Seen``. cells: directions and solid angles. sources: ∫ L dω of
+    seen: starts, cells and codes of ``transport.exitant.Seen``, cells 6 · 16² · pane + texel. cells: their directions
+    and solid angles. sources: ∫ L dω of
     each cell's sky (C, 3), radiance of every vertex (V, 3). surfaces: frames (G, 3, 3), rows tangent, bitangent,
     normal; table of each row; strength (G, 3). lights: directions (G, K, 3) and the irradiance (G, K, 3) that a
     surface facing them gets. lobes (L, bins, 3, functions); step_of: the bin of each of SINES steps of the cosine.

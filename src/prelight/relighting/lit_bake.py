@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -24,7 +23,8 @@ from ..lighting.spot import Spot
 from ..storage.bake import Bake
 from .live_environment import LiveEnvironment
 from .live_layer import LiveLayer
-from .pixel_light import PointLit, lit_at_pixels
+from .named_camera import named_camera
+from .pixel_light import lit_at_pixels
 from .steerable_bake import SteerableBake
 from .stored_steerable import steerable_names
 
@@ -50,6 +50,9 @@ class LitBake:
         As of ``Relighter``.
     without
         Layers that are not opened, by name: somebody else lights them.
+    fade
+        Seconds in which lights of a cloud fade as lamps lose sight of them, for a live session that calls ``light``
+        again while it ``is_settling``; 0 for no history.
 
     Raises
     ------
@@ -60,7 +63,12 @@ class LitBake:
     """
 
     def __init__(
-        self, bake: Bake | str | Path, *, trace_strong: bool = True, without: Collection[str] = ()
+        self,
+        bake: Bake | str | Path,
+        *,
+        trace_strong: bool = True,
+        without: Collection[str] = (),
+        fade: float = 0.0,
     ) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self.layers: list[LiveLayer] = []
@@ -71,7 +79,7 @@ class LitBake:
         for kind in SKIES:
             for name, record in self.bake.layers.items():
                 if record.kind == kind and name not in without:
-                    self.layers.append(_opened(self.bake, name, kind, trace_strong=trace_strong))
+                    self.layers.append(_opened(self.bake, name, kind, trace_strong=trace_strong, fade=fade))
                     self._sky = self._sky or (None if kind == "cloud" else name)
                     self._lamps = self._lamps or (name if kind in LAMPS else None)
         if not self.layers and self.steered is None:
@@ -92,6 +100,11 @@ class LitBake:
             own = own if layer.name == self._lamps else replace(own, lamps=())
             layer.light(own)
         self._rig = rig
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the same rig would show something else a moment later."""
+        return any(getattr(layer, "is_settling", False) for layer in self.layers)
 
     @property
     def irradiance(self) -> Radiance:
@@ -133,11 +146,7 @@ class LitBake:
         Raises InputError naming the cameras there are, and for another than the pixels' own.
         """
         cameras = self.bake.cameras
-        if isinstance(camera, str):
-            if camera not in cameras:
-                known = ", ".join(cameras) or "none"
-                raise InputError("camera", f"{camera!r} is not in this bake; it has {known}")
-            camera = cameras[camera]
+        camera = named_camera(cameras, camera)
         if self.steered is not None:
             if camera not in (None, self.steered.camera):
                 raise InputError(
@@ -170,28 +179,36 @@ class LitBake:
             raise InputError(
                 "size", f"{chosen[0]}×{chosen[1]}, but the lamps' pixels are {size[0]}×{size[1]}"
             )
-        behind = self._behind(eye.eye) if background == "environment" else background
+        behind = self.behind(eye.eye) if background == "environment" else background
         panes = next((p for layer in self.layers if (p := getattr(layer, "panes", None)) is not None), None)
         left = slice(None) if panes is None else np.flatnonzero(panes.are_left(self.bake.triangles))
         triangles = self.bake.triangles[left]
         view = self._view(triangles, eye, chosen, surface=self._surface(left))
         irradiance = self.irradiance
-        by_pixel = [layer for layer in self.layers if fine and hasattr(layer, "lamp_light_at")]
-        for layer in by_pixel:
-            irradiance -= layer.lamp_light  # ty: ignore[missing-attribute]
+        by_pixel = [lit for layer in self.layers if fine and (lit := layer.point_lit) is not None]
+        for own in by_pixel:
+            irradiance -= own.lamp_light
+        np.maximum(irradiance, 0, out=irradiance)
         diffuse = self.bake.receivers.albedo * irradiance
         picture = view.draw(diffuse, irradiance=irradiance if self._textured else None, background=behind)
-        for layer in by_pixel:
-            own = cast(PointLit, layer)
+        for own in by_pixel:
             picture = lit_at_pixels(view, picture, own, self.bake.receivers, triangles)
-        shine = self.glossy(eye.eye)
-        whole = None if shine is None and panes is None else self._view(self.bake.triangles, eye, chosen)
-        if panes is not None and whole is not None:
+        linear, gloss = picture.linear, np.zeros((len(self.bake.receivers), 3), np.float32)
+        for layer in self.layers:
+            drawn = layer.drawn_gloss(view, triangles, eye=eye.eye, fine=fine)
+            if drawn is not None:
+                linear = linear + drawn
+            beside = layer.glossy if drawn is None else getattr(layer, "pane_shine", None)
+            if beside is not None and (shine := beside(eye.eye)) is not None:
+                gloss += shine
+        picture = replace(picture, linear=np.maximum(linear, 0))
+        if panes is not None:
+            whole = self._view(self.bake.triangles, eye, chosen)
             picture = panes.before(picture, whole, len(self.bake.receivers))
-            shine = None if shine is None else panes.without_clear(shine)
+            picture = replace(picture, linear=picture.linear + whole.draw(panes.without_clear(gloss)).linear)
+        elif gloss.any():
+            picture = replace(picture, linear=picture.linear + view.draw(gloss).linear)
         linear = picture.linear
-        if shine is not None and whole is not None:
-            linear = linear + whole.draw(shine).linear
         if self.steered is not None:
             pixels = pixel_picture(
                 np.maximum(self.steered.radiance, 0), np.ones((size[1], size[0]), np.float32)
@@ -217,7 +234,7 @@ class LitBake:
         of = bake.material_of[left]
         return Surface(of, bake.materials, uv=bake.uv, tint=bake.tint, textures=bake.textures)
 
-    def _behind(self, eye: Triple) -> Callable[[Directions], Radiance]:
+    def behind(self, eye: Triple) -> Callable[[Directions], Radiance]:
         """What is seen behind the scene: by the layer that knows a world outside, else the environment."""
         for layer in self.layers:
             if layer.name == self._sky and (seen := getattr(layer, "behind", None)) is not None:
@@ -251,7 +268,7 @@ def _steered(rig: Rig) -> list[Spot | Panel]:
     return list(rig.lights)
 
 
-def _opened(bake: Bake, name: str, kind: str, *, trace_strong: bool) -> LiveLayer:
+def _opened(bake: Bake, name: str, kind: str, *, trace_strong: bool, fade: float) -> LiveLayer:
     if kind == "environment":
         return LiveEnvironment(bake, name, trace_strong=trace_strong)
     if kind == "transfer":
@@ -260,8 +277,9 @@ def _opened(bake: Bake, name: str, kind: str, *, trace_strong: bool) -> LiveLaye
         return TransferRelighter(bake, name)
     if kind == "cloud":
         from .cloud import CloudRelighter
+        from .cloud_fading import Fading
 
-        return CloudRelighter(bake, name)
+        return CloudRelighter(bake, name, fading=Fading(fade) if fade > 0 else None)
     if kind == "portals":
         from .portals import PortalsRelighter
 

@@ -6,13 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Radiance
+from ..arrays import Float32, Radiance, Triangles
+from ..drawing.view import View
 from ..errors import InputError
 from ..lighting.environment import Environment
 from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
 from ..storage.bake import Bake
 from .environment import Update
+from .pixel_light import PointLit
 from .relighter import Relighter
 
 
@@ -47,3 +49,13 @@ class LiveEnvironment:
 
     def glossy(self, eye: Triple) -> Radiance | None:
         return self._lit.glossy(eye, self._irradiance)
+
+    def drawn_gloss(
+        self, view: View, triangles: Triangles, *, eye: Triple, fine: bool
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        fine = fine and self._lit.fine_suns is not None
+        return self._lit.drawn_gloss(view, triangles, eye=eye, irradiance=self._irradiance, fine=fine)
+
+    @property
+    def point_lit(self) -> PointLit | None:
+        return self._lit.fine_suns

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from ..arrays import Radiance
+import numpy as np
+
+from ..arrays import Float32, Radiance, Triangles
+from ..drawing.view import View
 from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
 from .environment import Update
+from .pixel_light import PointLit
 
 
 class LiveLayer(Protocol):
@@ -34,4 +38,18 @@ class LiveLayer(Protocol):
 
     def glossy(self, eye: Triple) -> Radiance | None:
         """(V, 3) radiance toward a point that glossy surfaces add to what is diffuse; None without such rows."""
+        ...
+
+    def drawn_gloss(
+        self, view: View, triangles: Triangles, *, eye: Triple, fine: bool
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        """The same as a picture to add, pixel by pixel; None where ``glossy`` of vertices is all there is.
+
+        ``view`` sees ``triangles`` of the mesh; ``fine``: single lights' shadows are found for each pixel.
+        """
+        ...
+
+    @property
+    def point_lit(self) -> PointLit | None:
+        """Its single lights anywhere, for pictures whose shadows are finer than the mesh; None without such lights."""
         ...

@@ -7,14 +7,20 @@ mirrors, and single lights are mirrored by the BRDF at the pixel itself.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from ..arrays import Float32, Triangles
+from ..arrays import Float32, Normals, Positions, Triangles
 from ..drawing.view import View
 from ..lighting.quantities import Triple
+from ..receivers import Receivers
 from .exitant import Coefficients, Exitant, Lights
+from .pixel_light import smooth_places
 
 _AT_ONCE = 1 << 19  # points times lights, or points
+
+LightsAt = Callable[[Positions, Normals], Lights]  # of points of surfaces and their normals
 
 
 def pixel_gloss(
@@ -25,6 +31,7 @@ def pixel_gloss(
     eye: Triple,
     coefficients: Coefficients,
     lights: Lights | None,
+    lights_at: tuple[LightsAt, Receivers] | None = None,
 ) -> Float32[np.ndarray, "height width 3"]:
     """What glossy surfaces send toward ``eye`` beside their matt part, as ``view`` sees it.
 
@@ -46,7 +53,13 @@ def pixel_gloss(
         for first in range(0, len(whole), step):
             these = whole[first : first + step]
             inside = weights[these] / np.maximum(share[these], np.float32(1e-20))
-            shine = exitant.shine_between(eye, found[these], inside, coefficients=coefficients, lights=lights)
+            between, there = lights, None
+            if lights_at is not None and lights is not None:
+                where = smooth_places(corners[these], inside, lights_at[1].positions, lights_at[1].normals)
+                between, there = None, lights_at[0](*where)
+            shine = exitant.shine_between(
+                eye, found[these], inside, coefficients=coefficients, lights=between, there=there
+            )
             colour[these] = share[these] * shine
         total = np.zeros((len(starts) - 1, 3), np.float32)
         filled = np.flatnonzero(np.diff(starts))

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..arrays import Float32, Normals, Positions, Radiance, Triangles
+from ..arrays import Float32, Int32, Normals, Positions, Radiance, Triangles
 from ..drawing.picture import Picture
 from ..drawing.view import View
 from ..receivers import Receivers
@@ -45,17 +45,26 @@ def places_of(
     triangles show where light only grazes (Hanika, Hacking the shadow terminator, Ray Tracing Gems II, 2021).
     """
     seen, weights = view.places
-    corners = triangles[seen]
     share = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)
-    points = np.zeros((len(seen), 3), np.float32)
-    normals = np.zeros_like(points)
+    return smooth_places(triangles[seen], share, receivers.positions, receivers.normals)
+
+
+def smooth_places(
+    corners: Int32[np.ndarray, "n 3"],
+    share: Float32[np.ndarray, "n 3"],
+    positions: Positions,
+    normals: Normals,
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n 3"]]:
+    """Points of triangles, lifted as ``places_of`` says, and the normals there; ``share`` adds up to 1."""
+    points = np.zeros((len(corners), 3), np.float32)
+    facing = np.zeros_like(points)
     for k in range(3):
-        points += share[:, k : k + 1] * receivers.positions[corners[:, k]]
-        normals += share[:, k : k + 1] * receivers.normals[corners[:, k]]
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        points += share[:, k : k + 1] * positions[corners[:, k]]
+        facing += share[:, k : k + 1] * normals[corners[:, k]]
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
     lifted = points.copy()
     for k in range(3):
-        own = receivers.normals[corners[:, k]]
-        below = np.minimum(np.einsum("ij,ij->i", points - receivers.positions[corners[:, k]], own), 0)
+        own = normals[corners[:, k]]
+        below = np.minimum(np.einsum("ij,ij->i", points - positions[corners[:, k]], own), 0)
         lifted -= (share[:, k] * below)[:, None] * own
-    return lifted, normals
+    return lifted, facing

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Int32, Normals, Positions, Radiance
+from ..arrays import Float32, Int32, Normals, Positions, Radiance
 from ..errors import InputError
 from ..lighting.placed_lights import Lamp, PlacedLight, PlacedPanel
 from ..storage.bake import Bake
@@ -58,6 +58,28 @@ class PlacedDirect:
     def of(self, light: PlacedLight) -> Radiance:
         """(V, 3) of a light of colour 1; a copy."""
         return self._of_lamp(light) if isinstance(light, Lamp) else self._of_panel(light)
+
+    @property
+    def points(self) -> Positions:
+        """(V, 3) where rays begin."""
+        return self._points
+
+    @property
+    def extent(self) -> float:
+        """Of the scene, metres."""
+        return self._extent
+
+    def share_of_ball(
+        self, rows: Int32[np.ndarray, "rows"], centre: np.ndarray, radius: float, *, rays: int
+    ) -> Float32[np.ndarray, "rows"]:
+        """The share of a ball's light that some vertices get, above and below their horizons alike."""
+        return self._rays.of_ball(rows, centre, radius, rays=1 if radius == 0 else rays)
+
+    def share_of_direction(
+        self, rows: Int32[np.ndarray, "rows"], d: np.ndarray
+    ) -> Float32[np.ndarray, "rows"]:
+        """1 where some vertices see a light infinitely far away, 0 where not."""
+        return self._rays.of_direction(rows, d)
 
     def is_inside(self, light: PlacedLight) -> bool:
         """Whether a light is inside a solid, which then keeps its light."""

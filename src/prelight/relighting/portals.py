@@ -4,8 +4,9 @@ Portals paper, section 5. Each portal has a shell, a cube map of the radiance th
 blurs and filters that. Direct light is a product of the shell with rows of pulses or Haar coefficients, bounced light
 one with the shell's spherical harmonics. Portals add; glass that only filters costs no more than the adding.
 
-Harmonics of low order know no sun: what is brighter in a few cells than they can hold bounces from where it falls, by
-the one-bounce operator itself, where the layer keeps that.
+Small discs, such as the sun, reach receivers by rays through clear panes (``portal_suns``), as sharp as the mesh;
+frosted glass blurs them with everything else. Harmonics of low order know no sun: discs, and what is brighter in a few
+cells than they can hold, bounce from where they fall, by the one-bounce operator, where the layer keeps that.
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import CubeMap, Directions, Float32, Float64, Radiance
+from ..arrays import CubeMap, Directions, Float32, Float64, Radiance, Triangles
 from ..bases import cube_map
 from ..bases.harmonic_cells import cell_harmonics
+from ..drawing.view import View
 from ..encoding.pulse_or_haar import light_tables, lit
 from ..encoding.sparse_tiles import GROUP
-from ..errors import InputError
+from ..errors import DamagedBakeError, InputError
+from ..lighting.disc import Disc, add_discs
 from ..lighting.environment import Environment
 from ..lighting.frost import frosted
 from ..lighting.glass import AS_BUILT, Glass, glass_of
@@ -30,8 +33,12 @@ from ..lighting.rig import Rig
 from ..storage.bake import Bake
 from .bounced_kernels import bounce
 from .environment import Update
+from .exitant import read_exitant
+from .live_gloss import Falling, LiveGloss
 from .pace import Pace
+from .portal_gloss import PortalLight, seen_in
 from .portal_kernels import add_panes, write_scaled
+from .portal_sunlight import Sunlight, sunlight_of
 from .portals_layer import PortalsLayer, read_portals
 from .shells import Shells
 from .through_glass import Panes
@@ -57,9 +64,18 @@ class PortalsRelighter:
         self.name = self.layer.name
         self.vertices = len(bake.receivers)
         self._positions = bake.receivers.positions
+        self._normals = bake.receivers.normals
+        gloss = read_exitant(bake, f"layers/{self.name}/glossy")
+        if gloss is not None and gloss.panes > len(self.layer.portal_of_pane):
+            raise DamagedBakeError(
+                bake.path, f"layers/{self.name}/glossy/panes names panes that do not exist"
+            )
+        self._gloss = None if gloss is None else LiveGloss(gloss, bake.receivers)
         self._shells = Shells(bake.receivers.positions, bake.triangles)
         n = self.layer.cube
         self._shell = np.zeros((1, 6, n, n, 3), np.float32)  # as last asked for: one, or one for each portal
+        self._discs: list[tuple[Disc, ...]] = [()]  # of each shell, not in it: rays are sent to them
+        self._suns = sunlight_of(bake, self.layer)
         self._version = 0  # of all shells
         self._glass: list[Glass] = [AS_BUILT] * len(self.layer.names)
         self._of_row = np.zeros((len(self.layer.rows), 3), np.float32)  # through clear colourless glass
@@ -106,16 +122,21 @@ class PortalsRelighter:
         if not ((given >= 0).all() and np.isfinite(given).all()):
             raise InputError("shells", "values that are negative or not finite; expected radiance")
         self._shell = np.ascontiguousarray(given)
+        self._discs = [()] * len(given)
         self._version += 1
         self._glass = self._glass if glass is None else list(glass)
         self._follow(started)
 
     def _capture(self) -> None:
         shells, n = self._shells, self.layer.cube
+        exact = self._suns is not None
         if shells.same_everywhere:
-            self._shell = shells.environment.cube(n)[None]
+            self._shell = shells.shell_of((0.0, 0.0, 0.0), n, discs=not exact)[None]
+            self._discs = [shells.discs_of((0.0, 0.0, 0.0))] if exact else [()]
         else:
-            self._shell = shells.shells_of(self.layer.centres, n)
+            self._shell = shells.shells_of(self.layer.centres, n, discs=not exact)
+            centres = self.layer.centres.astype(np.float64).tolist()
+            self._discs = [shells.discs_of((x, y, z)) if exact else () for x, y, z in centres]
         self._version += 1
 
     def _follow(self, started: float) -> bool:
@@ -130,18 +151,30 @@ class PortalsRelighter:
             shell = self._seen(portals[0])
             suns = strong_cells(shell) if self.layer.first is not None else None
             self._has_suns[portals] = suns is not None
-            tables = [(light_tables(shell), self._of_row)]
-            if suns is not None:
-                tables.append((light_tables(suns), self._of_suns))
-            for first, last in self._stretches(portals):
-                size = int(self._bytes[last] - self._bytes[first])
-                for table, out in tables:
-                    self._lit(size, self._rows, table, out, first, last)
-                read += len(tables) * size
-                changed += last - first
+            discs, sends_on = self._discs_through(portals[0]), bool(self._caustic.any())
+            # What glass and mirrors in the room send on of discs is in the cells, where photons cannot follow it.
+            in_cells = discs if sends_on and self._suns is not None and not self._suns.sends_on else ()
+            if in_cells and suns is None and self.layer.first is not None:
+                suns, self._has_suns[portals] = np.zeros_like(shell), True
+            for caustic in (0, 1) if sends_on else (0,):
+                lights = [(self._with_discs(shell, in_cells if caustic else ()), self._of_row)]
+                if suns is not None:
+                    lights.append((self._with_discs(suns, in_cells if caustic else ()), self._of_suns))
+                tables = [(light_tables(light), out) for light, out in lights]
+                for first, last in self._stretches(portals, caustic):
+                    size = int(self._bytes[last] - self._bytes[first])
+                    for table, out in tables:
+                        self._lit(size, self._rows, table, out, first, last)
+                    read += len(tables) * size
+                    changed += last - first
             if self.layer.order >= 0:
-                self._coefficients[portals] = self._harmonics(shell if suns is None else shell - suns)
+                smooth = shell if suns is None else shell - suns
+                if self.layer.first is None:  # then harmonics are all that discs can bounce by
+                    smooth = self._with_discs(smooth, discs)
+                self._coefficients[portals] = self._harmonics(smooth)
         self._total = self._added()
+        if self._gloss is not None:
+            self._gloss.forget()
         if self.layer.modes is not None:
             read += self.layer.modes.nbytes
         kind = "full" if groups and changed == len(self.layer.rows) else "local"
@@ -156,13 +189,35 @@ class PortalsRelighter:
         return self._version * len(self.layer.names) + shell, frost, outward
 
     def _seen(self, portal: int) -> CubeMap:
-        shell = self._shell[portal if len(self._shell) > 1 else 0]
-        return frosted(shell, self._glass[portal].frost, self.layer.outward[portal])
+        """The portal's shell through its glass, without the discs that rays are sent to."""
+        shell, frost = self._shell[self._shell_of(portal)], self._glass[portal].frost
+        if not frost:
+            return shell
+        return frosted(self._with_discs(shell, self._discs_of(portal)), frost, self.layer.outward[portal])
 
-    def _stretches(self, portals: list[int]) -> list[tuple[int, int]]:
-        """Rows first … last of these portals' panes, neighbours together."""
+    def _shell_of(self, portal: int) -> int:
+        return portal if len(self._shell) > 1 else 0
+
+    def _discs_of(self, portal: int) -> tuple[Disc, ...]:
+        return self._discs[self._shell_of(portal)]
+
+    def _discs_through(self, portal: int) -> tuple[Disc, ...]:
+        """Those that are seen sharp through the portal's glass."""
+        return () if self._glass[portal].frost else self._discs_of(portal)
+
+    @staticmethod
+    def _with_discs(shell: CubeMap, discs: tuple[Disc, ...]) -> CubeMap:
+        if not discs:
+            return shell
+        whole = shell.copy()
+        add_discs(whole, discs)
+        return whole
+
+    def _stretches(self, portals: list[int], caustic: int) -> list[tuple[int, int]]:
+        """Rows first … last of these portals' panes, of one kind, neighbours together."""
         out: list[tuple[int, int]] = []
-        for pane in np.flatnonzero(np.isin(self.layer.portal_of_pane, portals)):
+        own = np.isin(self.layer.portal_of_pane, portals) & (self._caustic == caustic)
+        for pane in np.flatnonzero(own):
             first, last = int(self.layer.pane_rows[pane]), int(self.layer.pane_rows[pane + 1])
             if out and out[-1][1] == first:
                 out[-1] = out[-1][0], last
@@ -195,10 +250,20 @@ class PortalsRelighter:
             self._bounce(layer.modes.nbytes, layer.modes, self._every, np.ascontiguousarray(of_mode), sums)
             self._scale(sums.nbytes, sums, layer.scales, total)
         of_pane = factors[layer.portal_of_pane] * layer.pane_tints
-        if layer.first is not None and (of_pane[self._has_suns[layer.portal_of_pane]] > 0).any():
+        sharp = self._sunlit(of_pane)
+        if layer.first is not None and (
+            sharp is not None or (of_pane[self._has_suns[layer.portal_of_pane]] > 0).any()
+        ):
             total += self._bounced_suns(of_pane)
         self._panes_onto(total, of_pane, self._of_row)
-        return total
+        return total if sharp is None else total + sharp
+
+    def _sunlit(self, of_pane: Float32[np.ndarray, "panes 3"]) -> Radiance | None:
+        """(V, 3) light of the discs that rays are sent to; None where there are none."""
+        if self._suns is None:
+            return None
+        self._suns.follow([self._discs_through(p) for p in range(len(self.layer.names))], of_pane)
+        return self._suns.at_vertices if self._suns.is_on else None
 
     def _panes_onto(self, total: Radiance, of_pane: np.ndarray, of_row: np.ndarray) -> None:
         """Add what rows bring, each times the factor of its pane."""
@@ -210,6 +275,8 @@ class PortalsRelighter:
         layer = self.layer
         assert layer.first is not None  # asked by the caller
         light = np.zeros((self.vertices, 3), np.float32)
+        if self._suns is not None and self._suns.is_on:
+            light += self._suns.around_vertices
         own = np.where(self._has_suns[layer.portal_of_pane, None], of_pane, np.float32(0))
         self._panes_onto(light, own, self._of_suns)
         total, fallen = np.zeros_like(light), float(light.sum(dtype=np.float64))
@@ -219,6 +286,12 @@ class PortalsRelighter:
             if float(light.sum(dtype=np.float64)) <= _LITTLE * fallen:
                 break
         return total
+
+    @cached_property
+    def _caustic(self) -> np.ndarray:
+        """(panes,) 1 for those that hold what glass and mirrors in the room send on."""
+        found = self.layer.pane_caustic
+        return np.zeros(len(self.layer.portal_of_pane), np.uint8) if found is None else found
 
     @cached_property
     def _every(self) -> np.ndarray:
@@ -252,21 +325,49 @@ class PortalsRelighter:
         total = np.zeros((self.vertices, 3), np.float32)
         of_pane = self._factors[self.layer.portal_of_pane] * self.layer.pane_tints
         self._panes_onto(total, of_pane, self._of_row)
-        return total
+        sharp = self._sunlit(of_pane)
+        return total if sharp is None else total + sharp
+
+    @property
+    def point_lit(self) -> Sunlight | None:
+        """The suns through clear glass, at any point."""
+        return self._suns if self._suns is not None and self._suns.is_on else None
 
     def glossy(self, eye: Triple) -> Radiance | None:
+        """(V, 3) radiance toward a point: of panes, and of glossy vertices where the layer was baked with them."""
+        panes = self.pane_shine(eye)
+        if self._gloss is None:
+            return panes
+        shine = self._gloss.toward(eye, self._falling())
+        return shine if panes is None else shine + panes
+
+    def drawn_gloss(
+        self, view: View, triangles: Triangles, *, eye: Triple, fine: bool
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        """``glossy`` without panes as ``view`` sees it of ``triangles``, pixel by pixel."""
+        if self._gloss is None:
+            return None
+        return self._gloss.drawn(view, triangles, eye=eye, falling=self._falling(), fine=fine)
+
+    def _falling(self) -> Falling:
+        layer, portals = self.layer, range(len(self.layer.names))
+        shells = {self._view(p): self._seen(p) for p in portals}
+        of_pane = self._factors[layer.portal_of_pane] * layer.pane_tints
+        return PortalLight(
+            self.irradiance, [shells[self._view(p)] for p in portals], layer.portal_of_pane, of_pane, self._suns,
+            self._normals,
+        ).falling()  # fmt: skip
+
+    def pane_shine(self, eye: Triple) -> Radiance | None:
         """(V, 3) radiance toward a point: panes show what is outside, as their glass lets it through."""
         layer = self.layer
         if not len(layer.glass):
             return None
+        portals = np.unique(layer.glass_portal).tolist()
+        shells = {p: self._with_discs(self._seen(p), self._discs_through(p)) for p in portals}
         out = np.zeros((self.vertices, 3), np.float32)
-        d = self._positions[layer.glass].astype(np.float64) - np.asarray(eye, np.float64)
-        d /= np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-12)
-        factors = self._factors
-        for portal in np.unique(layer.glass_portal):
-            own = layer.glass_portal == portal
-            shell = self._seen(int(portal))
-            out[layer.glass[own]] = factors[portal] * _along(shell, d[own])
+        shine = seen_in(shells, layer.glass_portal, positions=self._positions[layer.glass], eye=eye)
+        out[layer.glass] = self._factors[layer.glass_portal] * shine
         return out
 
     @property
@@ -297,11 +398,3 @@ def strong_cells(shell: CubeMap) -> CubeMap | None:
     if float(energy[strong].sum(dtype=np.float64)) <= _SHARE * whole:
         return None
     return np.where(strong[..., None], shell, np.float32(0))
-
-
-def _along(shell: CubeMap, d: Float64[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
-    """The texels that directions fall in."""
-    n = shell.shape[1]
-    face, u, v = cube_map.face_coordinates(d)
-    row, column = (np.clip(((t + 1) / 2 * n).astype(np.int64), 0, n - 1) for t in (v, u))
-    return shell[face, row, column]

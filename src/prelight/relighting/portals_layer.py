@@ -8,11 +8,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64
+from ..arrays import Float32, Int32, Int64, UInt8
 from ..encoding.pulse_or_haar import RunRows
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
 from .first_bounce import FirstBounce, read_first_bounce
+from .portal_openings import Openings, read_openings
 
 KIND = "portals"
 _LARGEST = 1e12
@@ -41,6 +42,10 @@ class PortalsLayer:
     energy: Float32[np.ndarray, "portals orders colours"] | None
     first: FirstBounce | None = None  # one bounce of what falls on vertices: for suns
     most: int | None = None  # bounces; all, if not said
+    openings: Openings | None = None  # for rays to suns
+    pane_caustic: UInt8[np.ndarray, "panes"] | None = (
+        None  # 1: holds what glass and mirrors in the room send on
+    )
 
     @property
     def cube(self) -> int:
@@ -89,7 +94,15 @@ def read_portals(bake: Bake, name: str | None = None) -> PortalsLayer:
         wrong("areas are not as many as the layer's names")
     rows = _read_rows(bake, at, record.parameters["cube"])
     of_pane, pane_rows, receiver = (array(part) for part in ("portal_of_pane", "pane_rows", "receiver"))
-    if not _ascends(of_pane, 0, len(names) - 1):
+    caustic = np.zeros(len(of_pane), np.uint8)
+    if f"{at}/pane_caustic" in bake.manifest.arrays:
+        caustic = array("pane_caustic")
+        if not _ascends(caustic, 0, 1) or caustic[0] != 0:
+            wrong("pane_caustic is not zeros, then ones")
+        plain = int((caustic == 0).sum())
+        if len(caustic) - plain not in (plain, 3 * plain):
+            wrong("pane_caustic has not one or three panes for each other one")
+    if not all(_ascends(of_pane[caustic == k], 0, len(names) - 1) for k in np.unique(caustic)):
         wrong("portal_of_pane names portals that do not exist")
     if pane_rows[0] != 0 or not _ascends(pane_rows, 0, len(receiver)) or pane_rows[-1] != len(receiver):
         wrong("pane_rows do not ascend from 0 to the number of rows")
@@ -110,6 +123,8 @@ def read_portals(bake: Bake, name: str | None = None) -> PortalsLayer:
         floats["pane_tints"], pane_rows, receiver, rows,
         glass, glass_portal, **bounced, first=read_first_bounce(bake, f"{at}/bounced/first"),
         most=most if type(most := record.parameters.get("bounces")) is int else None,
+        openings=read_openings(bake, f"{at}/openings", panes=int((caustic == 0).sum())),
+        pane_caustic=caustic,
     )  # fmt: skip
 
 

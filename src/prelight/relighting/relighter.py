@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Radiance
+from ..arrays import Float32, Int32, Radiance, Triangles
 from ..camera import Camera
 from ..drawing.picture import Picture
 from ..drawing.pixels import pixel_picture
@@ -25,8 +24,11 @@ from ..storage.bake import Bake
 from .bounced_layer import read_bounced
 from .environment import MOST_DISCS, EnvironmentRelighter, Update
 from .exitant import read_exitant
+from .fine_suns import MOST_FINE, FineSuns
 from .layer import EnvironmentLayer
-from .live_gloss import LiveGloss
+from .live_gloss import Falling, LiveGloss
+from .named_camera import named_camera
+from .pixel_light import lit_at_pixels
 from .strong_lights import NO_LIGHTS, StrongLights, together
 from .traced import Strong, TracedLights
 
@@ -75,7 +77,7 @@ class Relighter:
         self._strong = Strong(TracedLights(self.bake, self._layer), wanted=trace_strong)
         self._behind: Sequence[Disc] = ()  # discs that are not traced
         gloss = read_exitant(self.bake, f"layers/{self._layer.name}/glossy")
-        self._gloss = None if gloss is None else LiveGloss(gloss, self._strong.tracer)
+        self._gloss = None if gloss is None else LiveGloss(gloss, self.bake.receivers)
         self._view = lru_cache(maxsize=4)(self._new_view)
 
     @property
@@ -107,7 +109,7 @@ class Relighter:
         live.settle()
         strong.lights = together([strong.of_map, traced])
         self._environment, self._behind = environment, behind
-        self._dull()
+        self.dull()
 
     @property
     def trace_strong(self) -> bool:
@@ -206,7 +208,7 @@ class Relighter:
             self._live.edit(*rectangle, texels)
         self._live.edit(face, rows, columns, radiance)
         self._live.settle()
-        self._dull()
+        self.dull()
         return self.last
 
     def light_texel(self, face: int, row: int, column: int, radiance: float) -> None:
@@ -215,7 +217,7 @@ class Relighter:
         self._live.edit(
             face, slice(row, row + 1), slice(column, column + 1), np.full(3, radiance, np.float32)
         )
-        self._dull()
+        self.dull()
 
     @property
     def has_bounces(self) -> bool:
@@ -232,30 +234,26 @@ class Relighter:
         """What the gloss of the last change of light took, once it was looked at; 0 where there is none."""
         return 0.0 if self._gloss is None else self._gloss.milliseconds
 
-    def glossy(self, eye: Triple, irradiance: Radiance | None = None) -> Radiance | None:
+    def glossy(
+        self, eye: Triple, irradiance: Radiance | None = None, *, strong: StrongLights | None = None
+    ) -> Radiance | None:
         """(rows, 3) radiance toward a point that glossy vertices add to ``radiance``; None where the layer has none.
 
-        ``irradiance`` (rows, 3), if more light falls than this layer's: what is seen mirrored.
+        ``irradiance`` (rows, 3), if more light falls than this layer's: what is seen mirrored; ``strong``: traced
+        lights in place of its own. What is mirrored is found once for a light: ``dull`` forgets it.
         """
-        if self._gloss is None:
-            return None
-        return self._gloss.toward(eye, **self._falling(irradiance))
+        return None if self._gloss is None else self._gloss.toward(eye, self._falling(irradiance, strong))
 
-    def _falling(self, irradiance: Radiance | None = None) -> dict[str, Any]:
-        """The light that gloss mirrors."""
-        discs = (
-            [Environment.dark().with_discs(tuple(self._behind)).cube(self.resolution)] if self._behind else []
-        )
-        return {
-            "cubes": [self._live.cube, *discs],
-            "strong": self._strong.lights,
-            "irradiance": self.irradiance if irradiance is None else irradiance,
-        }
-
-    def _dull(self) -> None:
-        """The light has changed, and with it the gloss."""
+    def dull(self) -> None:
+        """The light that gloss mirrors has changed."""
         if self._gloss is not None:
             self._gloss.forget()
+
+    def _falling(self, irradiance: Radiance | None = None, strong: StrongLights | None = None) -> Falling:
+        """The light that gloss mirrors."""
+        suns = FineSuns(self._strong.tracer, self._strong.lights if strong is None else strong)
+        falls = self.irradiance if irradiance is None else irradiance
+        return suns.falling(falls, lambda: self._live.cube, discs=self._behind)
 
     @property
     def layer_name(self) -> str:
@@ -286,12 +284,7 @@ class Relighter:
         Raises InputError naming the cameras there are, and for any but its own eye in a layer of pixels.
         """
         cameras, eye = self.bake.cameras, self._layer.eye
-        if isinstance(camera, str):
-            if camera not in cameras:
-                raise InputError(
-                    "camera", f"{camera!r} is not in this bake; it has {', '.join(cameras) or 'none'}"
-                )
-            camera = cameras[camera]
+        camera = named_camera(cameras, camera)
         if self.picture_size and camera not in (None, eye):
             raise InputError("camera", "another one than the pixels of this bake were made for; leave it out")
         chosen = camera or eye or next(iter(cameras.values()), None)
@@ -304,6 +297,7 @@ class Relighter:
         width: int | None = None,
         height: int | None = None,
         background: str | tuple[float, float, float] | None = "environment",
+        fine: bool = False,
     ) -> Picture:
         """The scene as a camera sees it, anti-aliased; 1280×720 unless said otherwise.
 
@@ -311,21 +305,48 @@ class Relighter:
         are seen by a fixed eye any camera may look at them, but highlights stay where that eye sees them.
 
         ``background``: ``"environment"`` shows the map behind the scene, a colour or None replaces it.
+        ``fine``: shadows of traced lights are found for each pixel, finer than the mesh, where any eye may look.
         """
         if isinstance(background, str) and background != "environment":
             raise InputError("background", f"{background!r}, expected 'environment', three numbers or None")
         behind = self._environment.radiance_along if background == "environment" else background
-        irradiance = None
-        if self.picture_size is None and self._surface:
-            irradiance = self.irradiance
+        irradiance = self.irradiance if self.picture_size is None and self._surface else None
         eye, size = self.camera(camera), self.picture_size or _PICTURE
         width, height = width or size[0], height or size[1]
-        picture = self._drawn(self.radiance, irradiance, eye, width=width, height=height, behind=behind)
-        if self._gloss is None:
+        radiance, suns = self.radiance, self.fine_suns if fine else None
+        if suns is not None:
+            direct = suns.lamp_light
+            radiance = np.maximum(radiance - self.bake.receivers.albedo * direct, 0)
+            irradiance = None if irradiance is None else np.maximum(irradiance - direct, 0)
+        picture = self._drawn(radiance, irradiance, eye, width=width, height=height, behind=behind)
+        if suns is None and self._gloss is None:
             return picture
         view = self.view(eye, width=width, height=height, textured=irradiance is not None)
-        shine = self._gloss.drawn(view, self.bake.triangles, eye=eye.eye, **self._falling())
-        return replace(picture, linear=np.maximum(picture.linear + shine, 0))
+        if suns is not None:
+            picture = lit_at_pixels(view, picture, suns, self.bake.receivers, self.bake.triangles)
+        shine = self.drawn_gloss(view, self.bake.triangles, eye=eye.eye, fine=suns is not None)
+        return picture if shine is None else replace(picture, linear=np.maximum(picture.linear + shine, 0))
+
+    def drawn_gloss(
+        self,
+        view: View,
+        triangles: Triangles,
+        *,
+        eye: Triple,
+        irradiance: Radiance | None = None,
+        fine: bool = False,
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        """``glossy`` as ``view`` sees it of ``triangles``, pixel by pixel; None where the layer has none."""
+        if self._gloss is None:
+            return None
+        return self._gloss.drawn(view, triangles, eye=eye, falling=self._falling(irradiance), fine=fine)
+
+    @property
+    def fine_suns(self) -> FineSuns | None:
+        """The traced lights whose shadows a picture can find pixel by pixel; None where there are none, or too many."""
+        is_free = self.picture_size is None and self._layer.eye is None
+        has_few = is_free and 0 < len(self.strong_lights) <= MOST_FINE
+        return FineSuns(self._strong.tracer, self.strong_lights) if has_few else None
 
     def picture_of(self, radiance: Radiance, camera: Camera, *, width: int, height: int) -> Picture:
         """Any radiance of the layer's rows (rows, 3) as a picture before black; textures as at the vertices."""

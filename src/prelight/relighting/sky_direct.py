@@ -30,7 +30,7 @@ class SkyDirect:
         out = np.zeros((len(self._origins), 3), np.float32)
         if not max(environment.total) > 0:
             return out
-        strong, rest = _divided(environment)
+        strong, rest = divided(environment)
         if rest.any():
             of_sky(self._bits, self._directions, _energies(rest), self._bake.receivers.normals, out)
         for direction, energy in zip(strong.directions, strong.energy, strict=True):
@@ -46,7 +46,7 @@ class SkyDirect:
         return sky_bits(self._bake, self._origins, self._directions)
 
 
-def _divided(environment: Environment) -> tuple[StrongLights, np.ndarray]:
+def divided(environment: Environment) -> tuple[StrongLights, np.ndarray]:
     """Its strong lights, and a cube map of the rest."""
     traced, discs = NO_LIGHTS, environment.discs
     if discs:

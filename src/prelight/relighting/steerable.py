@@ -17,7 +17,7 @@ from ..encoding.byte_planes import BLOCK
 from ..errors import InputError
 from ..lighting.panel import Panel
 from ..lighting.spot import Spot
-from .plane_kernels import add_planes
+from .plane_kernels import sum_planes
 from .steerable_layer import SteerableLayer
 
 _LARGEST_COPY = 256_000_000  # bytes
@@ -137,8 +137,7 @@ class SteerableRelighter:
         self._set(lights)
         queue = self._queue()
         taken = self._needed(queue, negligible)
-        picture = self._begun(self._radiance)
-        read = self._add(queue, slice(0, taken), picture)
+        read = self._begin(queue, taken, self._radiance)
         milliseconds = 1e3 * (time.perf_counter() - began)
         self.last = SteerableUpdate(taken, self._whole, float(queue.left[taken]), milliseconds, read)
         return self.last
@@ -155,16 +154,17 @@ class SteerableRelighter:
             raise InputError("step", f"{step}, expected at least 1")
         self._set(lights)
         queue = self._queue()
-        picture = self._begun(np.empty_like(self._radiance))
+        picture = np.empty_like(self._radiance)
         whole = int(np.argmax(queue.left <= error)) if error > 0.0 else len(queue.plane)
-        done = 0
+        done = min(step, whole)
+        self._begin(queue, done, picture)
         while True:
-            following = min(done + step, whole)
-            self._add(queue, slice(done, following), picture)
-            done = following
             yield Refinement(picture.copy(), done, self._whole, float(queue.left[done]))
             if done >= whole:
                 break
+            following = min(done + step, whole)
+            self._add(queue, slice(done, following), picture, begun=True)
+            done = following
         self._radiance = picture
 
     def _set(self, lights: Sequence[Spot | Panel]) -> None:
@@ -180,13 +180,6 @@ class SteerableRelighter:
         self._known = known
         for name, layer in self.layers.items():
             self._weights[name] = layer.weights(sums[name])
-
-    def _begun(self, picture: Float32[np.ndarray, "pixels 3"]) -> Float32[np.ndarray, "pixels 3"]:
-        """The picture black but for the pixels kept apart, which are few and come first."""
-        picture[:] = 0.0
-        for name, layer in self.layers.items():
-            layer.planes.add_bright(self._weights[name], picture)
-        return picture
 
     def _queue(self) -> _Queue:
         importance, layers, planes = [], [], []
@@ -207,19 +200,39 @@ class SteerableRelighter:
             return 0
         return int(np.argmax(queue.left <= negligible * queue.left[0]))
 
-    def _add(self, queue: _Queue, part: slice, picture: Float32[np.ndarray, "pixels 3"]) -> int:
-        """Add planes of the queue to a picture; the bytes that were read."""
-        read = 0
-        if self._together is not None:
-            return self._together.add(queue, part, self._weights, picture, self._shares)
-        for n, (name, layer) in enumerate(self.layers.items()):
-            index = np.sort(queue.plane[part][queue.layer[part] == n])
-            if len(index):
-                planes = layer.planes
-                weights = np.ascontiguousarray(self._weights[name][:, planes.image_of[index]])
-                add_planes(planes.bytes, planes.scales, index, weights, picture, self._shares)
-                read += len(index) * len(planes.bytes) * 3 * (BLOCK + 4)
+    def _begin(self, queue: _Queue, planes: int, picture: Float32[np.ndarray, "pixels 3"]) -> int:
+        """Write a picture of the queue's first planes and the pixels kept apart; the bytes that were read."""
+        read = self._add(queue, slice(0, planes), picture, begun=False)
+        for name, layer in self.layers.items():
+            layer.planes.add_bright(self._weights[name], picture)
         return read
+
+    def _add(
+        self, queue: _Queue, part: slice, picture: Float32[np.ndarray, "pixels 3"], *, begun: bool
+    ) -> int:
+        """Add planes of the queue to a picture, which is nothing yet unless ``begun``; the bytes that were read."""
+        read = 0
+        for data, scales, index, weights in self._chosen(queue, part):
+            sum_planes(data, scales, index, weights, picture, self._shares, begun)
+            begun = True
+            read += len(index) * len(data) * 3 * (BLOCK + 4)
+        if not begun:
+            picture[:] = 0.0
+        return read
+
+    def _chosen(
+        self, queue: _Queue, part: slice
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """Bytes, scales, which planes of them and their weights, of each sum that there is to be."""
+        layer, plane = queue.layer[part], queue.plane[part]
+        if self._together is not None and len(plane):
+            yield self._together.chosen(layer, plane, self._weights)
+        elif self._together is None:
+            for n, (name, one) in enumerate(self.layers.items()):
+                index = np.sort(plane[layer == n])
+                if len(index):
+                    weights = self._weights[name][:, one.planes.image_of[index]]
+                    yield one.planes.bytes, one.planes.scales, index, np.ascontiguousarray(weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,19 +257,10 @@ class _Together:
             np.cumsum([0, *(layer.planes.planes for layer in layers)])[:-1],
         )
 
-    def add(
-        self,
-        queue: _Queue,
-        part: slice,
-        weights: dict[str, np.ndarray],
-        picture: np.ndarray,
-        shares: np.ndarray,
-    ) -> int:
-        """As ``SteerableRelighter._add``."""
-        index = np.sort(self.firsts[queue.layer[part]] + queue.plane[part]).astype(np.int32)
-        if not len(index):
-            return 0
+    def chosen(
+        self, layer: np.ndarray, plane: np.ndarray, weights: dict[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Bytes, scales, which planes of them and their weights (3, planes), of some planes of each layer."""
+        index = np.sort(self.firsts[layer] + plane).astype(np.int32)
         every = np.concatenate(list(weights.values()), axis=1)
-        chosen = np.ascontiguousarray(every[:, self.image_of[index]])
-        add_planes(self.bytes, self.scales, index, chosen, picture, shares)
-        return len(index) * len(self.bytes) * 3 * (BLOCK + 4)
+        return self.bytes, self.scales, index, np.ascontiguousarray(every[:, self.image_of[index]])

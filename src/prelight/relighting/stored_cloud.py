@@ -25,12 +25,16 @@ class CloudLayer:
         ``(S, 3)`` metres; of each, how many of the grid it stands for in ``counts``.
     slot_of
         ``(Z, S)`` where a light's weight goes, among the weights of all zones one after the other.
-    first_patch
-        ``(Z,)`` where the weights of patches begin.
+    first_extra
+        ``(Z,)`` where the weights of modes (or patches) begin, that make up for what no lights bring.
     slots
         How many weights there are.
-    fluxes, patch_of, areas
-        ``(S, P)``, ``(V,)`` and ``(V,)``; None without patches.
+    fluxes, areas
+        ``(S, extras)``: how much of each mode (or patch) lights bring; ``(V,)`` m²; None without.
+    sources, source_scales
+        ``(V, extras)`` bytes: how much of each mode light at a vertex brings. None with patches.
+    patch_of
+        ``(V,)`` in bakes with patches.
     places, bases, codes, scales, order
         As of ``cloud_kernels.cloud_light``.
     grid, kept_of
@@ -47,11 +51,13 @@ class CloudLayer:
     lights: Float64[np.ndarray, "kept 3"]
     counts: Float64[np.ndarray, "kept"]
     slot_of: Int64[np.ndarray, "zones kept"]
-    first_patch: Int64[np.ndarray, "zones"]
+    first_extra: Int64[np.ndarray, "zones"]
     slots: int
-    fluxes: Float32[np.ndarray, "kept patches"] | None
-    patch_of: Int32[np.ndarray, "vertices"] | None
+    fluxes: Float32[np.ndarray, "kept extras"] | None
     areas: Float32[np.ndarray, "vertices"] | None
+    sources: np.ndarray | None
+    source_scales: Float32[np.ndarray, "extras"] | None
+    patch_of: Int32[np.ndarray, "vertices"] | None
     places: Int64[np.ndarray, "clusters n"]
     bases: Float32[np.ndarray, "n"]
     codes: np.ndarray
@@ -64,7 +70,8 @@ class CloudLayer:
     high: Float64[np.ndarray, "3"]
 
     @property
-    def patches(self) -> int:
+    def extras(self) -> int:
+        """How many modes there are, or patches."""
         return 0 if self.fluxes is None else self.fluxes.shape[1]
 
     @property
@@ -133,8 +140,8 @@ class _Reading:
         sizes = groups.max(axis=1) + 1
         if not all(len(np.unique(of)) == size for of, size in zip(groups, sizes, strict=True)):
             raise self.wrong("group_of has groups without lights")
-        patches = int(self.said["patches"])
-        widths = sizes + patches
+        patches, modes = int(self.said["patches"]), int(self.said.get("modes", 0))
+        widths = sizes + patches + modes
         starts = np.cumsum(widths) - widths
         places, zone_rows, ends = self._places(starts, widths, V)
         bases = self._scaled_bases(places, ends[0])
@@ -142,16 +149,18 @@ class _Reading:
         scales = self.numbers("code_scales")
         if len(codes) != max(1, ends[1]) or len(scales) != max(1, ends[2]):
             raise self.wrong("codes and their scales are not those of its clusters")
-        with_patches = patches > 0
-        fluxes = self.numbers("fluxes") * np.float32(self.said["flux_scale"]) if with_patches else None
+        has_extras = patches + modes > 0
+        fluxes = self.numbers("fluxes") * np.float32(self.said["flux_scale"]) if has_extras else None
         corners = [
             np.array([float(self.said[f"{side}_{axis}"]) for axis in "xyz"]) for side in ("low", "high")
         ]
         return CloudLayer(
             self.name, bake.layers[self.name].parameters, self.numbers("origins"), np.ascontiguousarray(lights[:, :3]),
             lights[:, 3].copy(), groups + starts[:, None], starts + sizes, int(widths.sum()), fluxes,
-            self.indices("patch_of", patches) if with_patches else None,
-            self.numbers("areas") if with_patches else None, places, bases, codes, scales, order,
+            self.numbers("areas") if has_extras else None,
+            bake.array(f"{self.at}/sources") if modes else None,
+            self.numbers("source_scales") if modes else None,
+            self.indices("patch_of", patches) if patches else None, places, bases, codes, scales, order,
             self.numbers("grid").astype(np.float64), self.indices("kept_of", len(lights)), zone_rows, *corners,
         )  # fmt: skip
 
@@ -168,23 +177,31 @@ class _Reading:
             raise self.wrong("clusters have components that cannot be, or are not in order")
         if not (np.bincount(zone, rows, len(zone_rows)) == zone_rows).all() or zone_rows.sum() != vertices:
             raise self.wrong("clusters do not have all vertices of their zones")
+        if int(self.said.get("colours", 1)) == 3 and components.shape[1] == 1:
+            components = np.repeat(components, 3, axis=1)  # of one basis
         channels, width = components.shape[1], widths[zone][:, None]
-        sizes = [(1 + components) * width, components * rows[:, None], components]
+        is_shared = table.shape[1] == 3
         places = np.empty((len(table), 4 + 4 * channels), np.int64)
         places[:, 0], places[:, 1] = np.cumsum(rows) - rows, rows
         places[:, 2], places[:, 3] = starts[zone], widths[zone]
         places[:, 4::4] = components
+        sizes = [(1 + components) * width, components * rows[:, None], components]
+        if is_shared:
+            sizes[0][:, 1:] = 0
         for k, size in enumerate(sizes):
             begin = np.cumsum(size.ravel()) - size.ravel()
             places[:, 5 + k :: 4] = begin.reshape(size.shape)
+        if is_shared:
+            places[:, 5::4] = places[:, 5:6]
         return places, zone_rows, (int(sizes[0].sum()), int(sizes[1].sum()), int(sizes[2].sum()))
 
     def _scaled_bases(self, places: np.ndarray, count: int) -> Float32[np.ndarray, "n"]:
         bases, scales = self.numbers("bases").copy(), self.numbers("base_scales")
-        rows: np.ndarray = places[:, 4::4].ravel() + 1
+        channels = (places.shape[1] - 4) // 4
+        own = 1 if channels == 1 or (places[:, 5] == places[:, 9]).all() else channels
+        rows: np.ndarray = places[:, 4 : 4 + 4 * own : 4].ravel() + 1
         if len(bases) != count or len(scales) != rows.sum():
             raise self.wrong("bases and their scales are not those of its clusters")
-        channels = (places.shape[1] - 4) // 4
-        lengths: np.ndarray = np.repeat(np.repeat(places[:, 3], channels), rows)
+        lengths: np.ndarray = np.repeat(np.repeat(places[:, 3], own), rows)
         bases *= np.repeat(scales, lengths)
         return bases

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arrays import CubeMap, Directions, Float32, Float64, Int32
+from ..arrays import CubeMap, Directions, Float32, Float64, Int32, Normals, Positions, Radiance
 from ..errors import MissingExtraError
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
 from ..rays.plain import PlainOccluders, PlainVisibility
 from ..storage.bake import Bake
+from .exitant import Lights
 from .layer import EnvironmentLayer
 from .strong_lights import LARGEST_DISC_DEG, NO_LIGHTS, StrongLights, strong_discs, strongest, without
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ..transport.viewed import ViewedTransfer
 
 _KEPT_BYTES = 128_000_000  # of transfer, for lights that come again
+_AT_ONCE = 1 << 16  # points
 
 
 class TracedLights:
@@ -77,6 +79,26 @@ class TracedLights:
         bits = np.stack([self._known[d.tobytes()][0] for d in lights.directions])
         return np.unpackbits(bits, axis=1, count=len(self._plain), bitorder="little")[:, places].astype(bool)
 
+    def reaching(self, lights: StrongLights, rows: Int32[np.ndarray, "some"]) -> Lights:
+        """Directions toward the lights, and the irradiance that surfaces at Lambertian rows facing them get."""
+        return _as_falls(lights, self.visible(lights, rows))
+
+    def reaching_at(self, lights: StrongLights, points: Positions, normals: Normals) -> Lights:
+        """The same at points (n, 3) of surfaces with unit normals."""
+        there = PlainVisibility(self._occluders, origins=points, normals=normals)
+        bits, _ = there.trace(lights.directions)
+        return _as_falls(lights, np.unpackbits(bits, axis=1, count=len(points), bitorder="little"))
+
+    def irradiance_at(self, lights: StrongLights, points: Positions, normals: Normals) -> Radiance:
+        """(n, 3) irradiance / π of the lights at points of surfaces."""
+        out = np.zeros((len(points), 3), np.float32)
+        for first in range(0, len(points), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            d, energy = self.reaching_at(lights, points[part], normals[part])
+            cosine = np.maximum(normals[part] @ d[0].T, 0)
+            out[part] = np.einsum("nk,nkc->nc", cosine, energy) / np.float32(np.pi)
+        return out
+
     @property
     def _bytes_of_one(self) -> int:
         return len(self._plain) // 8 + 12 * len(self._seen) + 1
@@ -97,10 +119,14 @@ class TracedLights:
             self._known[d.tobytes()] = bits[k], seen[k]
 
     @cached_property
+    def _occluders(self) -> PlainOccluders:
+        return PlainOccluders(self._bake.receivers.positions, self._bake.triangles)
+
+    @cached_property
     def _visibility(self) -> PlainVisibility:
         receivers = self._bake.receivers
         return PlainVisibility(
-            PlainOccluders(receivers.positions, self._bake.triangles),
+            self._occluders,
             origins=self._layer.origins[self._plain],
             normals=receivers.normals[self._plain],
         )
@@ -111,6 +137,13 @@ class TracedLights:
         from .viewed import viewed_transfer
 
         return viewed_transfer(self._bake, self._layer, self._seen)
+
+
+def _as_falls(lights: StrongLights, seen: np.ndarray) -> Lights:
+    """``seen`` (lights, places) of 0 and 1."""
+    d = np.broadcast_to(lights.directions, (seen.shape[1], *lights.directions.shape))
+    energy = (seen.T[:, :, None] * lights.energy).astype(np.float32)
+    return np.ascontiguousarray(d, np.float32), energy
 
 
 class Strong:

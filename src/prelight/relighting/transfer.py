@@ -6,22 +6,26 @@ it, both for colour 1. A light that moves is made anew; one that changes its col
 
 from __future__ import annotations
 
+import math
 import time
 from collections import OrderedDict
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Normals, Positions, Radiance
+from ..arrays import Float32, Normals, Positions, Radiance, Triangles
+from ..drawing.view import View
 from ..lighting.environment import Environment
-from ..lighting.placed_lights import PlacedLight, PlacedPanel
+from ..lighting.placed_lights import Lamp, PlacedLight, PlacedPanel
 from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
 from ..storage.bake import Bake
 from .environment import Update
+from .pixel_light import PointLit
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
+from .placed_gloss import PlacedGloss
 from .sky_direct import SkyDirect
 from .stored_transfer import open_transfer
 
@@ -35,6 +39,7 @@ class _Brought:
     direct: Radiance
     indirect: Radiance
     inside: bool  # a solid
+    rays: float = math.inf  # to it, from each vertex
 
 
 class TransferRelighter:
@@ -65,10 +70,20 @@ class TransferRelighter:
         self.name, self._indirect = layer.name, layer.indirect
         self._placed = PlacedDirect(self.bake, layer.origins, shadow_rays=shadow_rays)
         self._sky = SkyDirect(self.bake, layer.origins, self._placed)
+        self._gloss = PlacedGloss.of(self.bake, layer.name, self._placed)
         self._known: OrderedDict[PlacedLight, _Brought] = OrderedDict()
         self._lit: list[tuple[PlacedLight, PlacedLight]] = []  # each light, and itself of colour 1
         self._environment: tuple[Environment, _Brought] | None = None
         self.last = Update("none", 0.0, 0, 0)
+
+    @property
+    def shadow_rays(self) -> int:
+        """From each vertex to each light that is not a point. Lights that were made with more stay as they are."""
+        return self._placed.shadow_rays
+
+    @shadow_rays.setter
+    def shadow_rays(self, rays: int) -> None:
+        self._placed.shadow_rays = rays
 
     def light(self, rig: Rig) -> bool:
         """Take the rig's lamps, as they are at its beginning, and its environment; True if something changed."""
@@ -78,13 +93,20 @@ class TransferRelighter:
         """Be lit by these lights and nothing else; True if that is a change. Lights of colour 0 take no time."""
         began = time.perf_counter()
         lit = [(light, white(light)) for light in lights if max(light.colour) > 0]
-        missing = dict.fromkeys(key for _, key in lit if key not in self._known)
+        rays = self._placed.shadow_rays
+        missing = dict.fromkeys(
+            key for _, key in lit if key not in self._known or self._known[key].rays < rays
+        )
         for key in missing:
-            self._known[key] = self._brought(self._placed.of(key), inside=self._placed.is_inside(key))
+            found = self._brought(self._placed.of(key), inside=self._placed.is_inside(key))
+            is_point = isinstance(key, Lamp) and key.radius == 0
+            self._known[key] = found if is_point else replace(found, rays=rays)
         sky = self._sky_of(environment)
         new = len(missing) + (sky is not self._environment and sky is not None)
-        changed = lit != self._lit or sky is not self._environment
+        changed = bool(missing) or lit != self._lit or sky is not self._environment
         self._lit, self._environment = lit, sky
+        if changed and self._gloss is not None:
+            self._gloss.forget()
         self._forget()
         kind = "none" if not changed else "full" if new == len(lit) + (sky is not None) else "local"
         took = (time.perf_counter() - began) * 1e3
@@ -153,9 +175,32 @@ class TransferRelighter:
         return [_told_inside(light) for light, key in self._lit if self._known[key].inside]
 
     def glossy(self, eye: Triple) -> Radiance | None:
-        """None: it lights diffuse surfaces."""
-        del eye
-        return None
+        """(V, 3) what glossy vertices add toward a point; None where the layer was baked without."""
+        return None if self._gloss is None else self._gloss.toward(eye, self.irradiance, *self._shown)
+
+    def drawn_gloss(
+        self, view: View, triangles: Triangles, *, eye: Triple, fine: bool
+    ) -> Float32[np.ndarray, "height width 3"] | None:
+        """The same as ``view`` sees it of ``triangles``, pixel by pixel."""
+        if self._gloss is None:
+            return None
+        return self._gloss.drawn(view, triangles, self.irradiance, *self._shown, eye=eye, fine=fine)
+
+    @property
+    def glossy_milliseconds(self) -> float:
+        """What the gloss of the last change of light took, once it was looked at; 0 where there is none."""
+        return 0.0 if self._gloss is None else self._gloss.milliseconds
+
+    @property
+    def _shown(self) -> tuple[list[tuple[PlacedLight, Triple]], Environment | None]:
+        """Lights of colour 1 with their colours, and the sky."""
+        sky = None if self._environment is None else self._environment[0]
+        return [(key, light.colour) for light, key in self._lit], sky
+
+    @property
+    def point_lit(self) -> PointLit | None:
+        """Its lamps, at any point."""
+        return self if self._lit else None
 
 
 def _told_inside(light: PlacedLight) -> str:

@@ -38,6 +38,17 @@ def mitsuba() -> ModuleType:
         return mi
 
 
+def on_processor() -> None:
+    """Trace on the processor, whatever else is there; before anything is traced. Raises as ``mitsuba``."""
+    with _DOOR:
+        _imported().set_variant("llvm_ad_rgb")
+
+
+def usable_devices() -> tuple[str, ...]:
+    """Where rays can be traced here: "gpu" before "cpu". Raises as ``mitsuba``."""
+    return ("cpu",) if mitsuba().variant().startswith("llvm") and not cuda_present() else ("gpu", "cpu")
+
+
 def _imported() -> ModuleType:
     """Mitsuba, with Dr.Jit told which LLVM to load: it loads one when it is imported."""
     if importlib.util.find_spec("mitsuba") is None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .chunks import ArraySpec
+from .exitant_part import exitant_problem
 
 MOST_LIGHTS, MOST_ZONES, MOST_PATCHES, MOST_CLUSTERS = 1 << 16, 1 << 16, 1 << 16, 1 << 20
 _LARGEST = 1 << 40
@@ -21,6 +22,7 @@ _DTYPES = {
     "code_scales": "float32",
 }  # fmt: skip
 _PATCHES = {"fluxes": "uint16", "patch_of": "int32", "areas": "float32"}
+_MODES = {"fluxes": "uint16", "sources": "int8", "source_scales": "float32", "areas": "float32"}
 CODES = {"bytes": "int8", "float16": "uint16"}
 INTERPOLATIONS = ("fitted", "kernel")
 
@@ -45,20 +47,26 @@ def cloud_problem(
     patches = said.get("patches")
     if type(patches) is not int or not 0 <= patches <= MOST_PATCHES:
         return f"layer {name!r} does not say its patches"
-    if patches == 0 and said["interpolation"] == "fitted":
-        return f"layer {name!r} has no patches that its interpolation could be fitted on"
+    modes = said.get("modes", 0)
+    if type(modes) is not int or not 0 <= modes <= MOST_PATCHES or (modes and patches):
+        return f"layer {name!r} does not say its modes"
+    if not (patches or modes) and said["interpolation"] == "fitted":
+        return f"layer {name!r} has neither modes nor patches that its interpolation could be fitted on"
+    if said.get("colours", 1) not in (1, 3):
+        return f"layer {name!r} does not say its colours"
     at, shapes = f"layers/{name}", {}
-    wanted = _DTYPES | {"codes": CODES[said["codes"]]} | (_PATCHES if patches else {})
+    wanted = _DTYPES | {"codes": CODES[said["codes"]]} | (_PATCHES if patches else _MODES if modes else {})
     for part, dtype in wanted.items():
         spec = arrays.get(f"{at}/{part}")
         if spec is None or spec.dtype != dtype:
             return f"array {at}/{part} is not there as {dtype}"
         shapes[part] = spec.shape
-    return _shape_problem(at, shapes, arrays["scene/positions"].shape[0], patches, coefficients)
+    problem = _shape_problem(at, shapes, arrays["scene/positions"].shape[0], patches or modes, coefficients)
+    return problem or exitant_problem(f"{at}/glossy", said, arrays)
 
 
 def _shape_problem(
-    at: str, shapes: Mapping[str, list[int]], vertices: int, patches: int, coefficients: int
+    at: str, shapes: Mapping[str, list[int]], vertices: int, more: int, coefficients: int
 ) -> str | None:
     grid, lights, zones, clusters = (shapes[part][0] for part in ("grid", "lights", "zone_rows", "clusters"))
     if not (lights <= grid <= MOST_LIGHTS and zones <= MOST_ZONES and zones <= clusters <= MOST_CLUSTERS):
@@ -69,10 +77,11 @@ def _shape_problem(
         "grid": [grid, 3], "kept_of": [grid], "lights": [lights, 4], "group_of": [zones, lights],
         "origins": [vertices, 3], "order": [vertices], "zone_rows": [zones],
     }  # fmt: skip
-    if patches:
-        expected |= {"fluxes": [lights, patches], "patch_of": [vertices], "areas": [vertices]}
+    if more:
+        expected |= {"fluxes": [lights, more], "areas": [vertices]}
+        expected |= {"patch_of": [vertices], "sources": [vertices, more], "source_scales": [more]}
     for part, shape in expected.items():
-        if shapes[part] != shape:
+        if part in shapes and shapes[part] != shape:
             return f"array {at}/{part} is {shapes[part]}, expected {shape}"
     for part in ("bases", "base_scales", "codes", "code_scales"):
         if len(shapes[part]) != 1:

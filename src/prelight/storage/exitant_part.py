@@ -29,6 +29,10 @@ def exitant_problem(at: str, said: Mapping[str, Any], arrays: Mapping[str, Array
         return f"{at}: its order is {order!r}, expected 0 to {MOST_ORDER}"
     if not found:
         return f"{at}: its arrays are missing" if order else None
+    panes = found.pop("panes", None)
+    texels = found.get("texels")
+    if panes is not None and (texels is None or panes.dtype != "uint16" or panes.shape != texels.shape):
+        return f"array {at}/panes is not one uint16 for each cell"
     if {name: spec.dtype for name, spec in found.items()} != _TYPES:
         return f"arrays of {at} are not {', '.join(_TYPES)} of their types"
     rows = found["rows"].shape

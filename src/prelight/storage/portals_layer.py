@@ -7,9 +7,10 @@ from typing import Any
 
 from .chunks import ArraySpec
 from .environment_layer import first_problem
+from .exitant_part import exitant_problem
 
 MOST_PORTALS = 1024
-MOST_PANES = 4096
+MOST_PANES = 16384
 CUBES = (4, 8, 16, 32, 64)
 MOST_ORDER = 12
 MOST_MODES = 512
@@ -54,9 +55,15 @@ def portals_problem(
             return f"array {at}/{part} is {shapes[part]}, expected {shape}"
     if len(shapes["runs"]) != 2 or shapes["runs"][1] != 2 or len(shapes["data"]) != 1:
         return f"arrays {at}/runs and data are not pairs, and bytes"
+    caustic = arrays.get(f"{at}/pane_caustic")
+    if caustic is not None and (caustic.dtype != "uint8" or caustic.shape != [N]):
+        return f"array {at}/pane_caustic is not uint8, one for each of {N} panes"
     vertices = arrays["scene/positions"].shape[0]
-    return _glass_problem(at, arrays, vertices=vertices) or _indirect_problem(
-        f"{at}/bounced", said, arrays, portals=P, vertices=vertices
+    return (
+        _glass_problem(at, arrays, vertices=vertices)
+        or _openings_problem(f"{at}/openings", arrays, vertices=vertices)
+        or _indirect_problem(f"{at}/bounced", said, arrays, portals=P, vertices=vertices)
+        or exitant_problem(f"{at}/glossy", said, arrays)
     )
 
 
@@ -69,6 +76,28 @@ def _glass_problem(at: str, arrays: Mapping[str, ArraySpec], *, vertices: int) -
     fits = len(found) == 2 and shapes[0] == shapes[1] and all(spec.dtype == "int32" for spec in found)
     if not fits or len(shapes[0]) != 1 or shapes[0][0] > vertices:
         return f"arrays {at}/glass and glass_portal are not int32 each, at most one a vertex"
+    return None
+
+
+def _openings_problem(at: str, arrays: Mapping[str, ArraySpec], *, vertices: int) -> str | None:
+    """The portals' triangles and where vertices look from; absent in bakes of earlier versions."""
+    corners, pane_of, origins, glass = (
+        arrays.get(f"{at}/{part}") for part in ("corners", "pane_of", "origins", "glass_triangles")
+    )
+    if corners is None and pane_of is None and origins is None and glass is None:
+        return None
+    if corners is None or pane_of is None or origins is None:
+        return f"of {at} corners, pane_of or origins are missing"
+    if corners.dtype != "float32" or len(corners.shape) != 3 or corners.shape[1:] != [3, 3]:
+        return f"array {at}/corners is not of float32, three corners of three each"
+    if pane_of.dtype != "int32" or pane_of.shape != corners.shape[:1]:
+        return f"array {at}/pane_of is not int32, one for each of the corners"
+    if origins.dtype != "float32" or origins.shape != [vertices, 3]:
+        return f"array {at}/origins is not float32, three for each vertex"
+    if glass is not None:
+        most = arrays["scene/triangles"].shape[0]
+        if glass.dtype != "int32" or len(glass.shape) != 1 or glass.shape[0] >= most:
+            return f"array {at}/glass_triangles is not of int32, fewer than the triangles"
     return None
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from .chunks import ArraySpec
 from .environment_layer import MOST_MODES, first_problem
+from .exitant_part import exitant_problem
 
 MOST_BOUNCES = 3  # by the operator
 _GROUP = 32  # as in encoding.sparse_tiles
@@ -51,4 +52,5 @@ def transfer_problem(
             return f"array {at}/{part} is {shapes[part]}, expected {shape}"
     if f"{at}/first/order" not in arrays:
         return f"array {at}/first/order is not there"
-    return first_problem(f"{at}/first", said, arrays, prefix="")
+    problem = first_problem(f"{at}/first", said, arrays, prefix="")
+    return problem or exitant_problem(f"{at}/glossy", said, arrays)

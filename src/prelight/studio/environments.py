@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Float32, UInt32
+from ..arrays import Directions, Float32, Radiance, UInt32
 from ..bases import cube_map
 from ..errors import InputError
 from ..files import Resolver
@@ -27,7 +27,8 @@ from ..lighting.environment import STOCK_PREFIX, Environment
 from ..lighting.moment import Site, date_of, moment_of
 from ..lighting.rig import Rig
 from ..lighting.sky import STOCK_SKIES
-from .protocol import EnvironmentChoice, Sun
+from .protocol_values import EnvironmentChoice, Sun
+from .worlds import Worlds
 
 MAP_SUFFIXES = (".hdr", ".exr")
 _FIRST = STOCK_PREFIX + "sunset"
@@ -65,6 +66,7 @@ class Environments:
         for name, sky in STOCK_SKIES.items():
             self._add(STOCK_PREFIX + name, STOCK_PREFIX + name, title=f"{name.capitalize()}: {sky.title}")
         self._titles[DAYLIGHT] = _DAYLIGHT_TITLE
+        self.worlds = Worlds([source for source in maps if source.lower().endswith(".toml")])
         self._opened: OrderedDict[str, Environment] = OrderedDict()
         self._hours: OrderedDict[str, Environment] = OrderedDict()
         self._stops: dict[str, float] = {}
@@ -226,11 +228,16 @@ def _bytes_of(environment: Environment) -> int:
 
 def latlong(environment: Environment, rows: int, columns: int) -> Float32[np.ndarray, "rows columns 3"]:
     """An environment without its discs as a latitude-longitude map, seen at the middle of each pixel."""
+    seen = environment.with_discs(()).radiance_along(map_directions(rows, columns))
+    return seen.reshape(rows, columns, 3)
+
+
+def map_directions(rows: int, columns: int) -> Directions:
+    """(rows · columns, 3) unit directions of the middles of a latitude-longitude map's pixels, the top row first."""
     v, u = np.meshgrid((np.arange(rows) + 0.5) / rows, (np.arange(columns) + 0.5) / columns, indexing="ij")
     azimuth, polar = (u - 0.5) * (2 * np.pi), v * np.pi
     d = np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), -np.sin(polar) * np.cos(azimuth)], axis=-1)
-    seen = environment.with_discs(()).radiance_along(d.reshape(-1, 3).astype(np.float32))
-    return seen.reshape(rows, columns, 3)
+    return np.ascontiguousarray(d.reshape(-1, 3), np.float32)
 
 
 def _averaged(environment: Environment, rows: int, columns: int) -> Float32[np.ndarray, "rows columns 3"]:
@@ -271,9 +278,14 @@ def preview_png(environment: Environment, stops: float) -> bytes:
 
 def sky_words(environment: Environment) -> UInt32[np.ndarray, "texels"]:
     """A map of 512×256 pixels in rgb9e5, the top row first: what is seen behind the scene."""
+    return words_of_map(_averaged(environment, *_SKY).reshape(-1, 3))
+
+
+def words_of_map(radiance: Radiance) -> UInt32[np.ndarray, "texels"]:
+    """Radiance (texels, 3) in rgb9e5."""
     from .rgb9e5_kernels import pack
 
-    pixels = np.ascontiguousarray(_averaged(environment, *_SKY).reshape(-1, 3))
+    pixels = np.ascontiguousarray(radiance, np.float32)
     out = np.empty(len(pixels), np.uint32)
     pack(pixels, np.ones(3, np.float32), np.zeros_like(pixels), out, 1)
     return out

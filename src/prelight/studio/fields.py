@@ -10,6 +10,7 @@ from ..lighting.placed_lights import FARTHEST, LARGEST_SIDE
 from ..lighting.regions import LARGEST_RADIUS_DEG, SMALLEST_RADIUS_DEG
 
 LARGEST_SCALE, LARGEST_TINT, LARGEST_RADIANCE = 1e6, 1e3, 1e7
+LONGEST = 3600.0  # seconds, of a timeline and of a world that moves
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
@@ -28,5 +29,6 @@ Title = Annotated[
     str, StringConstraints(strict=True, min_length=1, max_length=60, pattern=r"^[^\x00-\x1f\x7f]+$")
 ]
 Metres = Annotated[Number, Field(ge=-FARTHEST, le=FARTHEST)]
+Seconds = Annotated[Number, Field(ge=0, le=LONGEST)]
 Side = Annotated[Number, Field(ge=1e-3, le=LARGEST_SIDE)]
 Strength = Annotated[Number, Field(ge=0, le=1e9)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 from ..errors import InputError
 from .protocol import (
@@ -21,6 +22,8 @@ from .protocol import (
     SetGlass,
     SetLamp,
     SetSun,
+    SetTimeline,
+    SetWorld,
     ShowLook,
     State,
     Undo,
@@ -83,6 +86,11 @@ class History:
             "look", f"{name!r} is not kept; known are {', '.join(n for n, _ in self.looks) or 'none'}"
         )
 
+    @property
+    def before(self) -> State:
+        """The light before the last step that can be undone; that which is, where there is none."""
+        return self._undo[-1].before.state if self._undo else self.state
+
     def note(self, state: State) -> None:
         """The same light, of which more is known now."""
         self._desk = replace(self._desk, state=state)
@@ -126,7 +134,15 @@ class History:
                 return _Desk(next_state, tuple(sorted((looks | {name: state}).items(), key=_name)))
             case RemoveLook(name):
                 self.look(name)
-                return _Desk(next_state, tuple(item for item in looks.items() if item[0] != name))
+                keys = tuple(key for key in state.timeline if key.look != name)
+                left = tuple(item for item in looks.items() if item[0] != name)
+                return _Desk(replace(next_state, timeline=keys), left)
+            case SetTimeline(keys):
+                for key in keys:
+                    self.look(key.look)
+                if any(later.at <= key.at for key, later in pairwise(keys)):
+                    raise InputError("SetTimeline.keys", "expected times that rise")
+                return _Desk(replace(next_state, timeline=keys), self._desk.looks)
             case ShowLook(name):
                 return _Desk(lit_as(next_state, self.look(name)), self._desk.looks)
             case OpenRig(text):
@@ -172,6 +188,10 @@ def words_of(change: Change, state: State) -> str:
             return f"{_verb(bool(old), removed=isinstance(change, RemoveLamp))}{name}"
         case SetGlass():
             return f"glass {change.glass.portal}"
+        case SetWorld():
+            return "world outside"
+        case SetTimeline():
+            return "timeline"
         case SaveLook(name):
             return f"keeping {name}"
         case ShowLook(name):

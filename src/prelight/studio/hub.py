@@ -21,19 +21,26 @@ from .protocol import (
     ClientMessage,
     Compare,
     Hello,
+    LookFrom,
     Refused,
     Seen,
     ServerMessage,
     SetEnvironment,
     SetGlass,
+    SetWorld,
     State,
+    StopTrace,
+    Trace,
+    Traced,
     Waiting,
     Welcome,
 )
 from .rig_state import initial, sky_id
 from .rig_toml import rig_text
-from .session import Aside, Frame, Listener, Session
+from .session import Aside, Frame, Listener, Session, Viewed
 from .shown import Shown
+from .timeline_rig import timeline_text
+from .tracing import Pictures, Tracing
 from .visitor import Visitor
 from .wire import decode
 
@@ -54,6 +61,8 @@ class Hub:
         Is told, in a line, what the person at the terminal should know.
     failed
         Is called when the session cannot go on.
+    pictures
+        The path tracer, where there is one.
     """
 
     def __init__(
@@ -64,6 +73,7 @@ class Hub:
         state_file: Path,
         note: Callable[[str], None],
         failed: Callable[[BaseException], None],
+        pictures: Pictures | None = None,
     ) -> None:
         self._shown, self._environments, self._note, self._failed = shown, environments, note, failed
         self._file: Path | None = state_file
@@ -74,6 +84,7 @@ class Hub:
         self._waiting: str | None = None
         self._saving: asyncio.Task[None] | None = None
         self._saved, looks = self._first_state()
+        self._tracing = Tracing(shown.bake, environments, pictures=pictures, tell=self._traced)
         self._session = Session(
             shown.bake, environments, state=self._saved, looks=looks, listener=self._listener()
         )
@@ -95,21 +106,37 @@ class Hub:
                 f"the environment {kept.environment!r} of the last visit is not there; name its map again"
             )
         first = start.environment
-        kept_looks = tuple((name, without_map(look, known, first=first)) for name, look in looks)
-        return without_map(kept, known, first=first), kept_looks
+        worlds = [world.id for world in self._environments.worlds.views]
+        kept_looks = tuple(
+            (name, without_map(look, known, first=first, worlds=worlds)) for name, look in looks
+        )
+        return without_map(kept, known, first=first, worlds=worlds), kept_looks
 
     def rig(self) -> str:
         """The light as a rig file. Raises InputError for what no file can say. Safe from any thread."""
         name = self._shown.bake.manifest.scene.name
         return rig_text(self._session.state, self._environments, takes=self._shown.takes, title=name)
 
+    def timeline(self) -> str:
+        """The timeline as a rig file whose lamps fade. Raises InputError for what no file can say."""
+        session, name = self._session, self._shown.bake.manifest.scene.name
+        takes = self._shown.takes
+        return timeline_text(session.state, session.looks, self._environments, takes=takes, title=name)
+
     def start(self) -> None:
         """Begin, on the running event loop."""
         self._loop = asyncio.get_running_loop()
         self._session.start()
 
+    async def dismiss(self, code: int, reason: str) -> None:
+        """Close the sockets of all pages."""
+        for socket in list(self._sockets):
+            with contextlib.suppress(RuntimeError, WebSocketDisconnect):
+                await socket.close(code, reason)
+
     async def stop(self) -> None:
         """End the session and keep its rig."""
+        await asyncio.to_thread(self._tracing.close)
         await asyncio.to_thread(self._session.stop)
         if self._saving is not None:
             self._saving.cancel()
@@ -128,11 +155,16 @@ class Hub:
         return Listener(
             frame=on_loop(self._show),
             aside=on_loop(self._show_aside),
+            view=on_loop(self._show_view),
             waiting=on_loop(self._wait),
             stops=on_loop(self._tell_all),
             refused=on_loop(lambda error: self._tell_all(Refused("State", str(error)))),
             failed=on_loop(self._failed),
         )
+
+    def _traced(self, visitor: int, said: Traced, data: bytes | None) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._show_traced, visitor, said, data)
 
     def _show(self, frame: Frame) -> None:
         self._frame = frame
@@ -144,6 +176,11 @@ class Hub:
         for visitor in self._visitors:
             if visitor.number == aside.visitor:
                 visitor.show_aside(aside)
+
+    def _show_view(self, seen: Viewed) -> None:
+        for visitor in self._visitors:
+            if visitor.number == seen.visitor:
+                visitor.show_view(seen.data)
 
     def _wait(self, reason: str | None) -> None:
         self._waiting = reason
@@ -207,13 +244,23 @@ class Hub:
             await self._listen(socket, visitor)
         finally:
             self._visitors.discard(visitor)
+            self._session.forget(visitor.number)
+            self._tracing.stop(visitor.number)
             sender.cancel()
             self._look_for_room()
 
     async def _welcome(self, visitor: Visitor) -> Welcome:
         shown = self._shown
-        cameras, eye, pixels, takes, portals = await asyncio.to_thread(
-            lambda: (shown.cameras, shown.eye, shown.pixels, shown.takes, shown.portals)
+        cameras, eye, pixels, takes, portals, glossy, steered = await asyncio.to_thread(
+            lambda: (
+                shown.cameras,
+                shown.eye,
+                shown.pixels,
+                shown.takes,
+                shown.portals,
+                shown.glossy,
+                shown.steered,
+            )
         )
         return Welcome(
             version=PROTOCOL_VERSION,
@@ -230,6 +277,10 @@ class Hub:
             environments=self._environments.choices,
             takes=takes,
             portals=portals,
+            steered=steered,
+            worlds=self._environments.worlds.views if "glass" in takes else (),
+            glossy=glossy,
+            no_tracer=self._tracing.missing,
             most_discs=MOST_DISCS,
             most_lamps=MOST_LAMPS,
             state=self._session.state,
@@ -263,6 +314,14 @@ class Hub:
             if isinstance(message, Compare):
                 self._session.compare(message.look, visitor=visitor.number)
                 return
+            if isinstance(message, LookFrom):
+                self._session.look_from(message.eye, visitor=visitor.number)
+                return
+            if isinstance(message, Trace | StopTrace):
+                self._trace(message, visitor)
+                return
+            if isinstance(message, SetWorld) and message.world is not None:
+                self._environments.worlds.open(message.world)  # or it is not accepted
             if isinstance(message, SetEnvironment) and message.environment is not None:
                 await asyncio.to_thread(self._open_map, message.environment)  # or it is not accepted
             state = self._session.change(message, author=visitor.number)
@@ -271,6 +330,21 @@ class Hub:
             return
         self._tell_all(state)
         self._save_soon()
+
+    def _trace(self, message: Trace | StopTrace, visitor: Visitor) -> None:
+        """Begin a picture by the path tracer, in place of any other, or end it. Raises InputError."""
+        if isinstance(message, StopTrace):
+            self._tracing.stop(visitor.number)
+            return
+        state = self._session.state
+        self._tracing.start(message, state, takes=self._shown.takes, visitor=visitor.number)
+
+    def _show_traced(self, visitor_number: int, said: Traced, data: bytes | None) -> None:
+        for visitor in self._visitors:
+            if visitor.number == visitor_number:
+                if data is not None:
+                    visitor.show_view(data)
+                visitor.tell(said)
 
     def _open_map(self, key: str) -> None:
         self._environments.open(sky_id(replace(self._session.state, environment=key)))

@@ -18,13 +18,15 @@ import numpy as np
 from ..arrays import Float32, Radiance
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
+from ..lighting.quantities import Triple
 from ..relighting.pace import Pace
 from ..relighting.relighter import Relighter
-from ..relighting.strong_lights import StrongLights, strong_discs
+from ..relighting.strong_lights import NO_LIGHTS, StrongLights, strong_discs
 from ..storage.bake import Bake
 from .environments import Environments, small
 from .frames import HEADER_BYTES
-from .protocol import MOST_DISCS, LayerPace, State
+from .protocol import MOST_DISCS, State
+from .protocol_values import LayerPace
 from .rgb9e5_kernels import pack
 from .rig_state import lit_discs, sky_id
 
@@ -52,7 +54,7 @@ class Lit:
     key: object
     irradiance: Radiance
     exact: bool
-    strong: int = 0
+    strong: StrongLights = NO_LIGHTS  # those that are traced
 
 
 class Light:
@@ -77,6 +79,7 @@ class Light:
         self._small: tuple[str, Environment] | None = None
         self._discs = Lit((), self._no_light, True)
         self._name = self._sky.layer_name
+        self._mirrored: tuple[tuple[object], tuple[object, object]] = (None,), (None, None)
         self._packer = Packer()
         self._layers: tuple[LayerPace, ...] = ()
 
@@ -108,7 +111,7 @@ class Light:
         assert self._map is not None
         took = round((time.perf_counter() - began) * 1e3, 2)
         self._layers = (LayerPace(self._name, "environment", how, took),)
-        return self._map.exact and self._discs.exact, how, self._map.strong + self._discs.strong
+        return self._map.exact and self._discs.exact, how, len(self._map.strong) + len(self._discs.strong)
 
     def frame(self, state: State, *, beside: Radiance | None = None) -> bytearray:
         """The light that is there, times the state's gain, as a radiance frame; its header is left empty.
@@ -119,6 +122,31 @@ class Light:
         assert self._map is not None
         discs = self._discs.irradiance
         return self._packer(self._map.irradiance, gain, discs if beside is None else discs + beside)
+
+    @property
+    def has_gloss(self) -> bool:
+        """Whether some rows shine toward the eye."""
+        return self._sky.has_gloss
+
+    def glossy(self, state: State, eye: Triple, *, beside: Radiance | None = None) -> Radiance | None:
+        """(rows, 3) what the light that is there adds toward a point; None without glossy rows. ``beside`` as above."""
+        if not self.has_gloss:
+            return None
+        assert self._map is not None
+        gain = (state.scale * np.array(state.tint)).astype(np.float32)
+        for light, mirrored, known in (
+            (self._sky, (self._map,), self._mirrored[0]),
+            (self._front, (self._discs, beside), self._mirrored[1]),
+        ):
+            if any(a is not b for a, b in zip(mirrored, known, strict=True)):
+                light.dull()
+        self._mirrored = (self._map,), (self._discs, beside)
+        falls = self._discs.irradiance if beside is None else self._discs.irradiance + beside
+        sky = self._sky.glossy(eye, self._map.irradiance, strong=self._map.strong)
+        front = self._front.glossy(eye, falls, strong=self._discs.strong)
+        assert sky is not None
+        assert front is not None
+        return sky * gain + front
 
     def warm(self, state: State) -> None:
         """Do once what the first drag would wait for. What is lit stays as it is."""
@@ -152,7 +180,7 @@ class Light:
         strong = self._sky.strong_lights
         irradiance = self._sky.clustered_irradiance
         self._add_traced(irradiance, strong, check=check)
-        return Lit((name, rotation_deg), irradiance, exact=True, strong=len(strong))
+        return Lit((name, rotation_deg), irradiance, exact=True, strong=strong)
 
     # ---- The discs ---------------------------------------------------------------------------------------
 
@@ -170,7 +198,7 @@ class Light:
         self._front.environment = self._dark.with_discs(others)
         irradiance = self._front.clustered_irradiance if others else self._no_light.copy()
         self._add_traced(irradiance, strong, check=check)
-        return Lit(discs, irradiance, exact=True, strong=len(strong))
+        return Lit(discs, irradiance, exact=True, strong=strong)
 
     @property
     def _can_trace(self) -> bool:

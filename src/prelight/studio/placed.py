@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from ..lighting.painting import LUMINANCE
 from ..lighting.placed_lights import Lamp, PlacedLight, PlacedPanel
 from ..lighting.quantities import Triple
 from ..lighting.rig_file import RigTables, checked_tables
+from ..lighting.rig_lights import PanelTable, SpotTable, layered_track
 from ..lighting.rig_placed import LampTable, PlacedPanelTable, PlacedSpotTable, placed_track
 from ..lighting.rig_portals import glass_table as portal_glass
-from .protocol import LampLight, PortalGlass
+from .protocol_values import LampLight, PortalGlass
 
 _NOWHERE = Path()
 _AHEAD = 1.0  # metres, of a target made from a direction
@@ -25,6 +27,8 @@ _AHEAD = 1.0  # metres, of a target made from a direction
 
 def lamp_table(lamp: LampLight) -> dict[str, Any]:
     """The keys of its ``[[lamp]]``, ``[[spot]]`` or ``[[panel]]``; ``scale`` is its dimmer, 0 where it is off."""
+    if lamp.layer is not None:
+        return _layered_table(lamp) | {"scale": lamp.dim if lamp.on else 0.0}
     said: dict[str, Any] = {"name": lamp.name, "position": lamp.position}
     if lamp.kind == "lamp":
         said |= {"radius": lamp.radius, "lumens": lamp.strength, "color": lamp.color}
@@ -41,6 +45,40 @@ def lamp_table(lamp: LampLight) -> dict[str, Any]:
     return said | {"scale": lamp.dim if lamp.on else 0.0}
 
 
+def _layered_table(lamp: LampLight) -> dict[str, Any]:
+    """Of a light of a steerable layer; a panel in a box has three numbers for its place."""
+    assert lamp.layer is not None
+    strength = tuple(lamp.strength / LUMENS_PER_WATT * part for part in lamp.color)
+    said: dict[str, Any] = {"layer": lamp.layer, "name": lamp.name}
+    if lamp.kind == "spot":
+        return said | {"intensity": strength, "target": lamp.target, "width_deg": lamp.beam_deg}
+    flat = lamp.position[2] == 0
+    width = tuple(min(side, 1.0) for side in (*lamp.size, lamp.size[0]))
+    return said | {
+        "position": lamp.position[:2] if flat else lamp.position,
+        "width": width[:2] if flat else width,
+        "radiance": strength,
+    }
+
+
+def layered_tracks(lamps: Sequence[LampLight]) -> tuple[Track, ...]:
+    """Lights of steerable layers, those that are lit. Raises InputError for one that cannot be."""
+    found = []
+    for lamp in lamps:
+        if not (lamp.on and lamp.dim > 0):
+            continue
+        try:
+            tables = checked_tables({lamp.kind: [_plain(lamp_table(lamp))]}, "lamp")
+            found.append(layered_track(getattr(tables, lamp.kind)[0], _NOWHERE))
+        except InputError as error:
+            raise InputError(f"lamp {lamp.name!r}", error.reason) from None
+    return tuple(found)
+
+
+def _plain(table: dict[str, Any]) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in table.items()}
+
+
 def placed_light(lamp: LampLight) -> PlacedLight:
     """The light, as ``prelight relight`` has it from the table. Raises InputError for one that cannot be."""
     return _at_rest(placed_track_of(lamp))
@@ -54,11 +92,8 @@ def _at_rest(track: Track) -> PlacedLight:
 
 def placed_track_of(lamp: LampLight) -> Track:
     """The same at rest, as a rig has it."""
-    table = {
-        key: list(value) if isinstance(value, tuple) else value for key, value in lamp_table(lamp).items()
-    }
     try:
-        tables = checked_tables({lamp.kind: [table]}, "lamp")
+        tables = checked_tables({lamp.kind: [_plain(lamp_table(lamp))]}, "lamp")
         return placed_track(getattr(tables, lamp.kind)[0], _NOWHERE)
     except InputError as error:
         raise InputError(f"lamp {lamp.name!r}", error.reason) from None
@@ -87,17 +122,47 @@ def lamps_of(tables: RigTables) -> tuple[LampLight, ...]:
     for kind, rows in (("lamp", tables.lamp), ("spot", tables.spot), ("panel", tables.panel)):
         for n, table in enumerate(rows):
             what = f"/{kind}/{n}"
-            if not isinstance(table, LampTable | PlacedSpotTable | PlacedPanelTable):
-                raise InputError(
-                    "rig", f"{what} belongs to a steerable layer, which the page does not show yet"
-                )
             for key in ("ies", "power", "polynomial", "picture", "keys"):
-                if getattr(table, key):
+                if getattr(table, key, None):
                     raise InputError("rig", f"{what} has {key}, which the page cannot show yet")
             if table.roll_deg:
                 raise InputError("rig", f"{what} has roll_deg, which the page cannot show yet")
-            found.append(_lamp_of(table, kind, identity=f"l{len(found)}"))
+            if isinstance(table, SpotTable | PanelTable):
+                found.append(_layered_of(table, kind, identity=f"l{len(found)}"))
+            else:
+                found.append(_lamp_of(table, kind, identity=f"l{len(found)}"))
     return tuple(found)
+
+
+def _layered_of(table: SpotTable | PanelTable, kind: str, *, identity: str) -> LampLight:
+    """A light of a steerable layer. Raises InputError for what the page has no controls for."""
+    if table.layer is None:
+        raise InputError(
+            "rig", f"/{kind} {table.name or identity} is of a steerable layer: the page needs its name"
+        )
+    if isinstance(table, PanelTable):
+        if table.turns or table.shape != "raised-cosine":
+            raise InputError(
+                "rig", f"/{kind} {table.name or identity} is turned or soft: not on the page yet"
+            )
+        strength, color = _of_colour(table.radiance)
+        x, y, z = (*table.position, 0.0)[:3]
+        place, aim = (x, y, z), (x, y, z - 1.0)
+        size = (table.width[0], table.width[-1 if len(table.width) < 3 else 1])
+    else:
+        if table.target is None or table.width_deg is None or table.intensity is None:
+            raise InputError(
+                "rig", f"/{kind} {table.name or identity}: the page needs its target, width_deg and intensity"
+            )
+        strength, color = _of_colour(table.intensity)
+        place, aim, size = (0.0, 0.0, 0.0), table.target, (0.5, 0.5)
+    return LampLight(
+        id=identity, name=(table.name or f"{kind.capitalize()} {identity[1:]}")[:60], kind=kind,  # ty: ignore
+        on=table.scale > 0, position=place, target=aim,
+        strength=strength * LUMENS_PER_WATT * max(table.scale, 1.0), dim=min(table.scale, 1.0) or 1.0,
+        color=color, radius=0.0, beam_deg=float(getattr(table, "width_deg", None) or 40.0), size=size,
+        layer=table.layer,
+    )  # fmt: skip
 
 
 def glass_of(tables: RigTables) -> tuple[PortalGlass, ...]:

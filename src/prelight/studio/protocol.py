@@ -1,4 +1,4 @@
-"""Every message between the studio and its page, in one file; ``typescript`` makes the page's half, ``wire`` JSON.
+"""Every message between the studio and its page; ``typescript`` makes the page's half, ``wire`` JSON.
 
 Text frames are JSON objects ``{"type": NAME, …fields}``; binary frames are radiance (``frames``). The page
 speaks first (``Hello``), the studio answers with ``Welcome``; those of two versions do not talk (close code 1002).
@@ -12,9 +12,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, StringConstraints
 
-from ..lighting.daylight import HIGHEST_TURBIDITY, LOWEST_TURBIDITY
-from ..lighting.glass import LARGEST_FROST_DEG
-from ..lighting.placed_lights import LARGEST_RADIUS
 from .fields import (
     Azimuth,
     DiscId,
@@ -26,18 +23,32 @@ from .fields import (
     Radiance,
     Radius,
     Scale,
+    Seconds,
     Share,
-    Side,
-    Strength,
     Tint,
     Title,
     Turn,
     Whole,
 )
+from .protocol_values import (
+    CameraView,
+    DiscLight,
+    EnvironmentChoice,
+    LampLight,
+    LayerPace,
+    LookKey,
+    PortalGlass,
+    PortalView,
+    SteeredView,
+    Sun,
+    WorldView,
+)
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 LARGEST_MESSAGE = 65_536  # bytes of text from a page: a whole rig file
 MOST_DISCS, MOST_LAMPS, MOST_LOOKS, MOST_PORTALS = 32, 32, 32, 200
+MOST_KEYS = 64  # of the timeline
+MOST_TRACED = 2_000_000  # pixels of a picture by the path tracer
 FRAMES_IN_FLIGHT = 2  # sent to a page and not yet seen by it
 
 
@@ -46,62 +57,6 @@ class Message:
 
     redundancy_key: ClassVar[str | None] = None
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-
-# ---- What both speak of ----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class LampLight:
-    """A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot.
-
-    ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-    id: DiscId
-    name: Title
-    kind: Literal["lamp", "spot", "panel"]
-    on: Flag
-    position: tuple[Metres, Metres, Metres]
-    target: tuple[Metres, Metres, Metres]
-    strength: Strength
-    dim: Share
-    color: tuple[Tint, Tint, Tint]
-    radius: Annotated[Number, Field(ge=0, le=LARGEST_RADIUS)]
-    beam_deg: Annotated[Number, Field(ge=2, le=160)]
-    size: tuple[Side, Side]
-
-
-@dataclass(frozen=True)
-class Sun:
-    """Where and when it is, for the environment "daylight": hours of the zone's clock, without one mean solar time."""
-
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-    latitude_deg: Annotated[Number, Field(ge=-90, le=90)]
-    longitude_deg: Annotated[Number, Field(ge=-180, le=180)]
-    date: Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$")]
-    hour: Annotated[Number, Field(ge=0, lt=24)]
-    zone: Annotated[str, StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_+/-]{1,60}$")] | None
-    turbidity: Annotated[Number, Field(ge=LOWEST_TURBIDITY, le=HIGHEST_TURBIDITY)]
-
-
-@dataclass(frozen=True)
-class PortalGlass:
-    """The glass of a portal: ``tint`` is what it lets through, null as built; ``blind`` the share that is covered.
-
-    ``frost_deg`` is by how much frosted glass turns light.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
-
-    portal: Name
-    kind: Literal["clear", "frosted", "shut"]
-    tint: tuple[Share, Share, Share] | None
-    frost_deg: Annotated[Number, Field(ge=0, le=LARGEST_FROST_DEG)]
-    blind: Share
 
 
 # ---- The page to the studio ------------------------------------------------------------------------------------
@@ -208,10 +163,53 @@ class RemoveLook(Message):
 
 
 @dataclass(frozen=True)
-class Compare(Message):
-    """Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame."""
+class SetWorld(Message):
+    """What is outside the windows: one of ``Welcome.worlds`` as it is at a second of its own time; null: nothing."""
 
-    look: Title
+    world: Name | None
+    seconds: Seconds = 0.0
+    dragging: Flag = False
+
+
+@dataclass(frozen=True)
+class SetTimeline(Message):
+    """The keyframes of looks, all of them, at times that rise."""
+
+    keys: Annotated[tuple[LookKey, ...], Field(max_length=MOST_KEYS)]
+
+
+@dataclass(frozen=True)
+class Compare(Message):
+    """Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame.
+
+    Null: the light before the last step that can be undone.
+    """
+
+    look: Title | None
+
+
+@dataclass(frozen=True)
+class LookFrom(Message):
+    """Send what depends on the eye, once, as it is seen from here: a frame flagged ``FRAME_VIEW``."""
+
+    eye: tuple[Metres, Metres, Metres]
+
+
+@dataclass(frozen=True)
+class Trace(Message):
+    """Let the path tracer make the picture of a camera under the light as it is now: ``Traced`` and frames follow."""
+
+    eye: tuple[Metres, Metres, Metres]
+    target: tuple[Metres, Metres, Metres]
+    up: tuple[Metres, Metres, Metres]
+    vertical_fov_deg: Annotated[Number, Field(ge=1, le=170)]
+    width: Annotated[Whole, Field(ge=16, le=4096)]
+    height: Annotated[Whole, Field(ge=16, le=4096)]
+
+
+@dataclass(frozen=True)
+class StopTrace(Message):
+    """No more of it."""
 
 
 @dataclass(frozen=True)
@@ -230,51 +228,12 @@ class Seen(Message):
 
 Change = (
     SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
-    | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
+    | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
 )  # fmt: skip
-ClientMessage = Hello | Change | Compare | Seen
+ClientMessage = Hello | Change | Compare | LookFrom | Trace | StopTrace | Seen
 
 
 # ---- The studio to the page ------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class CameraView:
-    """An eye to look with; the first of a list is the one to begin with."""
-
-    name: str
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
-    up: tuple[float, float, float]
-    vertical_fov_deg: float
-
-
-@dataclass(frozen=True)
-class PortalView:
-    """A portal, and what its glass lets through as built."""
-
-    name: str
-    tint: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class EnvironmentChoice:
-    """A map to choose: what a message calls it, and what it is in one line."""
-
-    id: str
-    title: str
-
-
-@dataclass(frozen=True)
-class DiscLight:
-    """A disc light as it is."""
-
-    id: str
-    azimuth_deg: float
-    elevation_deg: float
-    radius_deg: float
-    radiance: tuple[float, float, float]
-    softness: float
 
 
 @dataclass(frozen=True)
@@ -282,7 +241,8 @@ class State(Message):
     """The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made.
 
     ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what
-    these would do, in words; null: nothing. ``looks``: the names of what is kept.
+    these would do, in words; null: nothing. ``looks``: the names of what is kept; ``timeline``: keyframes of them.
+    ``world``: what is outside, as it is at ``seconds``; null: only the sky.
     """
 
     redundancy_key: ClassVar[str | None] = "state"
@@ -297,7 +257,10 @@ class State(Message):
     lamps: tuple[LampLight, ...]
     glass: tuple[PortalGlass, ...]
     stops: float | None
+    world: str | None = None
+    seconds: float = 0.0
     looks: tuple[str, ...] = ()
+    timeline: tuple[LookKey, ...] = ()
     undo: str | None = None
     redo: str | None = None
 
@@ -309,7 +272,9 @@ class Welcome(Message):
     ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of
     the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed.
     ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set;
-    the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1.
+    the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether
+    surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose
+    pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is.
     """
 
     version: int
@@ -324,8 +289,12 @@ class Welcome(Message):
     eye: str | None
     cameras: tuple[CameraView, ...]
     environments: tuple[EnvironmentChoice, ...]
-    takes: tuple[Literal["environment", "lamps", "glass"], ...]
+    takes: tuple[Literal["environment", "lamps", "glass", "steered"], ...]
     portals: tuple[PortalView, ...]
+    steered: SteeredView | None
+    worlds: tuple[WorldView, ...]
+    glossy: bool
+    no_tracer: str | None
     most_discs: int
     most_lamps: int
     state: State
@@ -343,9 +312,22 @@ class Refused(Message):
 class Compared(Message):
     """The light of a look, whose frame (``FRAME_ASIDE``) comes next."""
 
-    redundancy_key: ClassVar[str | None] = "compared"
-    look: str
+    look: str | None
     light: State
+
+
+@dataclass(frozen=True)
+class Traced(Message):
+    """How far the path tracer is: ``share`` of its samples, at 1 it is ready; what stopped it, in a line.
+
+    A frame flagged ``FRAME_TRACED`` has the picture, row by row from the top.
+    """
+
+    redundancy_key: ClassVar[str | None] = "traced"
+    share: float
+    samples: int
+    seconds: float
+    stopped: str | None
 
 
 @dataclass(frozen=True)
@@ -354,16 +336,6 @@ class Waiting(Message):
 
     redundancy_key: ClassVar[str | None] = "waiting"
     reason: str | None
-
-
-@dataclass(frozen=True)
-class LayerPace:
-    """What a layer did for the last frame: how ("full", "local", "gain", …), and how long it took."""
-
-    name: str
-    kind: str
-    how: str
-    ms: float
 
 
 @dataclass(frozen=True)
@@ -380,4 +352,4 @@ class Pace(Message):
     layers: tuple[LayerPace, ...]
 
 
-ServerMessage = Welcome | State | Refused | Compared | Waiting | Pace
+ServerMessage = Welcome | State | Refused | Compared | Traced | Waiting | Pace

@@ -7,12 +7,11 @@ from dataclasses import replace
 from ..errors import InputError
 from ..lighting.disc import Disc
 from .environments import DAYLIGHT, daylight_id, daylight_of
-from .placed import placed_light
+from .placed import layered_tracks, placed_light
 from .protocol import (
     MOST_DISCS,
     MOST_LAMPS,
     MOST_PORTALS,
-    DiscLight,
     RemoveDisc,
     RemoveLamp,
     SetDisc,
@@ -20,12 +19,13 @@ from .protocol import (
     SetGlass,
     SetLamp,
     SetSun,
+    SetWorld,
     State,
-    Sun,
 )
+from .protocol_values import DiscLight, Sun
 
 Step = (
-    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
+    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld
 )  # what changes the light by itself
 WHITE = (1.0, 1.0, 1.0)
 FIRST_SUN = Sun(43.74, 15.89, "2026-06-21", 15.0, None, 2.5)
@@ -38,6 +38,8 @@ LIGHT = (
     "discs",
     "lamps",
     "glass",
+    "world",
+    "seconds",
 )  # fields of a state that are light
 
 
@@ -60,6 +62,8 @@ def changed(state: State, change: Step, *, author: int | None) -> State:
         return _with_disc(new, change)
     if isinstance(change, SetGlass):
         return _with_glass(new, change)
+    if isinstance(change, SetWorld):
+        return replace(new, world=change.world, seconds=0.0 if change.world is None else change.seconds)
     return _with_lamp(new, change)
 
 
@@ -114,7 +118,10 @@ def _with_lamp(new: State, change: SetLamp | RemoveLamp) -> State:
         return replace(new, lamps=others)
     if len(others) >= MOST_LAMPS:
         raise InputError("SetLamp.id", f"{name!r} would be lamp {MOST_LAMPS + 1}, at most {MOST_LAMPS} shine")
-    placed_light(change.lamp)  # says what is wrong with it
+    if change.lamp.layer is None:
+        placed_light(change.lamp)  # says what is wrong with it
+    else:
+        layered_tracks((replace(change.lamp, on=True, dim=1.0),))
     return replace(new, lamps=tuple(sorted((*others, change.lamp), key=lambda lamp: lamp.id)))
 
 

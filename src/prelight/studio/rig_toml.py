@@ -18,7 +18,8 @@ from ..lighting.rig_file import DiscTable, RigTables, checked_tables
 from ..lighting.rig_sky import SunTable
 from .environments import DAYLIGHT, Environments, clock
 from .placed import glass_of, glass_table, lamp_table, lamps_of
-from .protocol import MOST_DISCS, MOST_LAMPS, DiscLight, State, Sun
+from .protocol import MOST_DISCS, MOST_LAMPS, State
+from .protocol_values import DiscLight, Sun
 from .rig_state import WHITE
 
 _GROUND = (0.25, 0.25, 0.25)
@@ -41,11 +42,13 @@ def rig_tables(state: State, environments: Environments, *, takes: tuple[str, ..
              "radius_deg": d.radius_deg, "radiance": d.radiance, "softness": d.softness}
             for d in state.discs
         ]  # fmt: skip
-    if "lamps" in takes:
-        for lamp in state.lamps:
+    for lamp in state.lamps:
+        if ("lamps" if lamp.layer is None else "steered") in takes:
             tables.setdefault(lamp.kind, []).append(lamp_table(lamp))
     if "glass" in takes:
         tables["portal"] = [glass_table(glass) for glass in state.glass]
+        if state.world is not None:
+            tables["outside"] = environments.worlds.table(state.world)
     return {name: table for name, table in tables.items() if table}
 
 
@@ -83,6 +86,10 @@ def _value(value: object) -> str:
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, tuple | list):
         return "[" + ", ".join(_value(part) for part in value) + "]"
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, bool | int):
+        return json.dumps(value)
     return repr(float(value))  # ty: ignore[invalid-argument-type]
 
 
@@ -99,15 +106,16 @@ def opened_rig(text: str, start: State, environments: Environments) -> State:
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise InputError("rig", f"not a TOML rig: {str(error)[:120]}") from None
     tables = checked_tables(document, "rig")
-    for name in ("paint", "outside"):
-        if getattr(tables, name, None):
-            raise InputError("rig", f"has [{name}], which the page cannot show yet")
+    if tables.paint:
+        raise InputError("rig", "has [[paint]], which the page cannot show yet")
     lamps = lamps_of(tables)
     if len(tables.disc) > MOST_DISCS or len(lamps) > MOST_LAMPS:
         raise InputError("rig", f"at most {MOST_DISCS} discs and {MOST_LAMPS} lamps can be shown")
     state = _with_sky(tables, start, environments)
     discs = tuple(_disc(d, f"d{n}") for n, d in enumerate(tables.disc))
-    return replace(state, discs=discs, lamps=lamps, glass=glass_of(tables))
+    world = None if tables.outside is None else environments.worlds.key_of(document["outside"])
+    seconds = state.seconds if world == state.world else 0.0
+    return replace(state, discs=discs, lamps=lamps, glass=glass_of(tables), world=world, seconds=seconds)
 
 
 def _with_sky(tables: RigTables, start: State, environments: Environments) -> State:

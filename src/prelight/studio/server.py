@@ -1,4 +1,7 @@
-"""The server: the page's files, the scene, and a socket for each visitor. Serves until it is told to end."""
+"""The server: the page's files, the scene, and a socket for each visitor. Serves until it is told to end.
+
+It shows one bake at a time; the start page (``start_desk``) may have it show another, or the first.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,23 @@ from pathlib import Path
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
 
 from ..errors import InputError, OutputError, PrelightError
 from ..storage.bake import Bake
 from .door import HOST, Door
 from .environments import DAYLIGHT, Environments, daylight_id, sky_words
 from .hub import Hub
+from .kept import state_file
+from .projects import Project
 from .protocol import LARGEST_MESSAGE
 from .rig_state import FIRST_SUN
 from .shown import Shown
+from .start_desk import StartDesk
+from .tracing import Pictures
+from .workshop import Workshop
 
 USUAL_PORT = 8737
 PAGE = Path(__file__).parent / "web" / "built"
@@ -37,16 +46,19 @@ _TYPES = {
 }
 _NO_PAGE = b"<!doctype html><title>Prelight</title><p>This installation has no studio page (web/built is missing).</p>"
 _PATIENCE = 2  # seconds that connections get to end
+_ANOTHER = 4001  # the close code of a socket whose bake is no longer shown: its page loads anew
 
 
 @dataclass(frozen=True)
 class Served:
-    """What a studio shows and where."""
+    """What a studio shows and where; without a bake the start page, where one is made."""
 
-    bake: Bake
+    bake: Bake | None
     environments: Environments
-    state_file: Path
+    state_file: Path | None
     note: Callable[[str], None]  # a line for the person at the terminal
+    pictures: Pictures | None = None  # the path tracer, where there is one
+    workshop: Workshop | None = None
 
 
 def page_files(folder: Path = PAGE) -> dict[str, tuple[bytes, str]]:
@@ -79,6 +91,142 @@ def bound_socket(port: int | None) -> socket.socket:
     raise OutputError("--port", reason)
 
 
+class Showing:
+    """A bake shown, or the start page, as an application (ASGI): whoever serves it sees to who may come in.
+
+    Parameters
+    ----------
+    failed
+        Is called with what makes it end.
+    """
+
+    def __init__(self, served: Served, *, page: Path = PAGE, failed: Callable[[BaseException], None]) -> None:
+        self._served, self._failed = served, failed
+        self._page = page_files(page)
+        self._hub: Hub | None = None
+        self._shown: Shown | None = None
+        self._desk: StartDesk | None = None
+        if served.workshop is not None:
+            self._desk = StartDesk(served.workshop, show=self._show, shown=self._title)
+            content, kind = self._page["/"]
+            self._page["/"] = content.replace(b"<html ", b'<html data-start="/start" ', 1), kind
+        if served.bake is not None:
+            self._open(served.bake, served.state_file or state_file(served.bake.path))
+
+    def start(self) -> None:
+        """Begin, on the running event loop."""
+        if self._hub is not None:
+            self._hub.start()
+
+    async def finish(self) -> None:
+        """End, and keep the light; bakes that run stay resumable."""
+        if self._desk is not None:
+            await self._desk.stop()
+        if self._hub is not None:
+            await self._hub.stop()
+
+    def _open(self, bake: Bake, kept: Path) -> Hub:
+        """Have a bake shown; its hub is not started yet."""
+        served = self._served
+        self._shown = Shown(bake)
+        self._hub = Hub(
+            self._shown,
+            served.environments,
+            state_file=kept,
+            note=served.note,
+            failed=self._failed,
+            pictures=served.pictures,
+        )
+        return self._hub
+
+    def _title(self) -> str | None:
+        """The name of what is shown, if anything is."""
+        return None if self._shown is None else self._shown.bake.manifest.scene.name
+
+    async def _show(self, project: Project) -> None:
+        """Show the bake of a project in place of what is shown. Raises PrelightError, and nothing has changed."""
+        bake = await asyncio.to_thread(Bake.open, project.bake)
+        if self._hub is not None:
+            await self._hub.dismiss(_ANOTHER, "another bake is shown")
+            await self._hub.stop()
+        self._open(bake, state_file(bake.path)).start()
+
+    # ---- Routes ------------------------------------------------------------------------------------------
+
+    def application(self) -> Starlette:
+        """What answers requests and sockets."""
+        return Starlette(
+            routes=[
+                Route("/geometry.json", self._index),
+                Route("/geometry/{name}", self._array),
+                Route("/texture/{index}", self._texture),
+                Route("/preview/{name:path}", self._preview),
+                Route("/sky/{name:path}", self._sky),
+                Route("/rig.toml", self._rig),
+                Route("/timeline.toml", self._timeline),
+                *(self._desk.routes() if self._desk is not None else ()),
+                Route("/{path:path}", self._file),
+                WebSocketRoute("/socket", self._visit),
+            ],
+            exception_handlers={PrelightError: _said},
+        )
+
+    async def _visit(self, socket: WebSocket) -> None:
+        if self._hub is None:
+            await socket.accept()
+            await socket.close(_ANOTHER, "no bake is shown")
+            return
+        await self._hub.visit(socket)
+
+    async def _file(self, request: Request) -> Response:
+        path = request.scope["path"]
+        if path == "/" and self._hub is None:
+            return RedirectResponse("/start", 303)
+        if path == "/start" and self._desk is not None:
+            path = "/"  # one page: it looks where it is
+        content, kind = self._page.get(path, (None, ""))
+        return _missing() if content is None else Response(content, media_type=kind)
+
+    def _index(self, _request: Request) -> Response:
+        return _missing() if self._shown is None else JSONResponse(self._shown.index())
+
+    def _array(self, request: Request) -> Response:
+        return _missing() if self._shown is None else _bytes(self._shown.array(request.path_params["name"]))
+
+    def _texture(self, request: Request) -> Response:
+        index: str = request.path_params["index"]
+        if (
+            self._shown is None
+            or not re.fullmatch(r"[0-9]{1,6}", index, re.ASCII)
+            or int(index) >= self._shown.textures
+        ):
+            return _missing()
+        return _bytes(self._shown.texture_png(int(index)), "image/png")
+
+    def _preview(self, request: Request) -> Response:
+        known, name = self._served.environments, request.path_params["name"]
+        return _bytes(known.preview(_daily(name)), "image/png") if name in known else _missing()
+
+    def _sky(self, request: Request) -> Response:
+        known, name = self._served.environments, request.path_params["name"]
+        return _bytes(sky_words(known.open(_daily(name))).tobytes()) if name in known else _missing()
+
+    def _rig(self, _request: Request) -> Response:
+        if self._hub is None:
+            return _missing()
+        return _toml(self._hub.rig)
+
+    def _timeline(self, _request: Request) -> Response:
+        return _missing() if self._hub is None else _toml(self._hub.timeline)
+
+
+def _toml(text: Callable[[], str]) -> Response:
+    try:
+        return Response(text(), media_type="application/toml")
+    except InputError as error:
+        return PlainTextResponse(f"{error.reason}\n", 409)
+
+
 class Studio:
     """A studio on a port, from ``serve`` to ``stop``.
 
@@ -89,19 +237,10 @@ class Studio:
     """
 
     def __init__(self, served: Served, *, port: int | None = None, page: Path = PAGE) -> None:
-        self._served = served
-        self._shown = Shown(served.bake)
-        self._page = page_files(page)
         self._socket = bound_socket(port)
         self._error: BaseException | None = None
-        self._hub = Hub(
-            self._shown,
-            served.environments,
-            state_file=served.state_file,
-            note=served.note,
-            failed=self._fail,
-        )
-        self._door = Door(self._application(), port=self.port)
+        self._showing = Showing(served, page=page, failed=self._fail)
+        self._door = Door(self._showing.application(), port=self.port)
         config = uvicorn.Config(
             self._door, loop="asyncio", http="h11", ws="websockets-sansio", lifespan="off",
             ws_max_size=LARGEST_MESSAGE, ws_per_message_deflate=False, ws_ping_interval=20, ws_ping_timeout=20,
@@ -130,64 +269,17 @@ class Studio:
         self._server.should_exit = True
 
     async def _serve(self) -> None:
-        self._hub.start()
+        self._showing.start()
         try:
             await self._server.serve(sockets=[self._socket])
         finally:
-            await self._hub.stop()
+            await self._showing.finish()
         if self._error is not None:
             raise self._error
 
     def _fail(self, error: BaseException) -> None:
         self._error = error
         self.stop()
-
-    # ---- Routes ------------------------------------------------------------------------------------------
-
-    def _application(self) -> Starlette:
-        return Starlette(
-            routes=[
-                Route("/geometry.json", self._index),
-                Route("/geometry/{name}", self._array),
-                Route("/texture/{index}", self._texture),
-                Route("/preview/{name}", self._preview),
-                Route("/sky/{name}", self._sky),
-                Route("/rig.toml", self._rig),
-                Route("/{path:path}", self._file),
-                WebSocketRoute("/socket", self._hub.visit),
-            ],
-            exception_handlers={PrelightError: _said},
-        )
-
-    async def _file(self, request: Request) -> Response:
-        content, kind = self._page.get(request.scope["path"], (None, ""))
-        return _missing() if content is None else Response(content, media_type=kind)
-
-    def _index(self, _request: Request) -> Response:
-        return JSONResponse(self._shown.index())
-
-    def _array(self, request: Request) -> Response:
-        return _bytes(self._shown.array(request.path_params["name"]))
-
-    def _texture(self, request: Request) -> Response:
-        index: str = request.path_params["index"]
-        if not re.fullmatch(r"[0-9]{1,6}", index, re.ASCII) or int(index) >= self._shown.textures:
-            return _missing()
-        return _bytes(self._shown.texture_png(int(index)), "image/png")
-
-    def _preview(self, request: Request) -> Response:
-        known, name = self._served.environments, request.path_params["name"]
-        return _bytes(known.preview(_daily(name)), "image/png") if name in known else _missing()
-
-    def _sky(self, request: Request) -> Response:
-        known, name = self._served.environments, request.path_params["name"]
-        return _bytes(sky_words(known.open(_daily(name))).tobytes()) if name in known else _missing()
-
-    def _rig(self, _request: Request) -> Response:
-        try:
-            return Response(self._hub.rig(), media_type="application/toml")
-        except InputError as error:
-            return PlainTextResponse(f"{error.reason}\n", 409)
 
 
 def _bytes(content: bytes | None, kind: str = "application/octet-stream") -> Response:

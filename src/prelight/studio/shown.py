@@ -13,7 +13,7 @@ from ..camera import Camera
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
-from .protocol import CameraView, PortalView
+from .protocol_values import CameraView, PortalView, SteeredView
 
 if TYPE_CHECKING:
     from ..relighting.relighter import Relighter
@@ -40,7 +40,9 @@ class Shown:
         """
         from .kinds import QUICK, vertex_kinds
 
-        if vertex_kinds(self.bake) != {QUICK}:
+        if vertex_kinds(self.bake) != {QUICK} or any(
+            r.kind == "steerable" for r in self.bake.layers.values()
+        ):
             return None
         from ..relighting.layer import found_layer
 
@@ -52,6 +54,20 @@ class Shown:
         from .kinds import takes_of
 
         return takes_of(self.bake)
+
+    @cached_property
+    def steered(self) -> SteeredView | None:
+        """What steerable layers light."""
+        from .kinds import steered_of
+
+        return steered_of(self.bake)
+
+    @cached_property
+    def glossy(self) -> bool:
+        """Whether what is seen depends on the eye."""
+        from .kinds import glossy
+
+        return glossy(self.bake)
 
     @cached_property
     def _panes(self) -> tuple[tuple[PortalView, ...], np.ndarray]:
@@ -98,7 +114,10 @@ class Shown:
     @property
     def rows(self) -> int:
         """Of a radiance frame."""
-        return self.vertices if self.pixels is None else self.pixels[0] * self.pixels[1]
+        if self.pixels is not None:
+            return self.pixels[0] * self.pixels[1]
+        more = 0 if self.steered is None else self.steered.width * self.steered.height
+        return self.vertices + more
 
     @property
     def eye(self) -> str | None:
@@ -114,6 +133,9 @@ class Shown:
                 cameras[self._eye.name] = Camera.from_dict(self._eye.view)
         except InputError as error:
             raise DamagedBakeError(self.bake.path, f"the eye of its layer is wrong: {error.reason}") from None
+        if self.steered is not None:
+            view = self.steered.camera
+            cameras[view.name] = Camera(view.eye, view.target, view.up, view.vertical_fov_deg)
         for name, camera in self.bake.cameras.items():
             cameras.setdefault(name, camera)
         if not cameras:

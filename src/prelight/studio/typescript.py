@@ -1,4 +1,5 @@
-"""The page's half of the protocol, ``web/source/messages.ts``, written from ``protocol``.
+"""The page's half of the protocol, ``web/source/messages.ts`` and ``start_messages.ts``, written from ``protocol`` and
+``start_protocol``.
 
 ``python -m prelight.studio.typescript`` writes it anew; a test fails where it is not current.
 """
@@ -13,9 +14,11 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from ..files import publish
 from . import fields as limits
-from . import frames, protocol
+from . import frames, protocol, start_protocol
+from . import protocol_values as values
 
 TARGET = Path(__file__).parent / "web" / "source" / "messages.ts"
+START_TARGET = TARGET.with_name("start_messages.ts")
 _PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", type(None): "null"}
 _HEADER_FIELDS = ("magic", "frame", "sequence", "count", "milliseconds", "flags")
 
@@ -24,8 +27,9 @@ def messages_module() -> str:
     """The text of ``messages.ts``."""
     client, server = get_args(protocol.ClientMessage), get_args(protocol.ServerMessage)
     parts = [
-        protocol.CameraView, protocol.EnvironmentChoice, protocol.DiscLight, protocol.LampLight, protocol.Sun,
-        protocol.PortalGlass, protocol.PortalView, protocol.LayerPace,
+        values.CameraView, values.EnvironmentChoice, values.DiscLight, values.LampLight, values.Sun,
+        values.PortalGlass, values.PortalView, values.SteeredPlace, values.SteeredView, values.LookKey,
+        values.WorldView, values.LayerPace,
     ]  # fmt: skip
     blocks = [
         "// Written by prelight.studio.typescript from protocol.py: change that and write this anew.\n",
@@ -46,12 +50,33 @@ def messages_module() -> str:
     return "\n".join(blocks)
 
 
+def start_messages_module() -> str:
+    """The text of ``start_messages.ts``."""
+    client, server = get_args(start_protocol.StartMessage), get_args(start_protocol.StartAnswer)
+    parts = [
+        start_protocol.Wish, start_protocol.StockView, start_protocol.LayerView, start_protocol.ProjectView,
+    ]  # fmt: skip
+    names = ("START_VERSION", "LARGEST_UPLOAD", "MOST_FILES", "MOST_PASSES")
+    blocks = [
+        "// Written by prelight.studio.typescript from start_protocol.py: change that and write this anew.\n",
+        *(f"export const {name} = {getattr(start_protocol, name)};" for name in names),
+        "",
+        *(_interface(kind, tagged=False, optional=False) for kind in parts),
+        *(_interface(kind, tagged=True, optional=True) for kind in client),
+        _union("StartMessage", client),
+        *(_interface(kind, tagged=True, optional=False) for kind in server),
+        _union("StartAnswer", server),
+    ]
+    return "\n".join(blocks)
+
+
 def _constants() -> dict[str, int | float]:
     names = (
         "PROTOCOL_VERSION", "MOST_DISCS", "MOST_LAMPS", "MOST_LOOKS",
         "FRAMES_IN_FLIGHT", "LARGEST_SCALE", "LARGEST_TINT", "LARGEST_RADIANCE",
         "SMALLEST_RADIUS_DEG", "LARGEST_RADIUS_DEG", "FRAME_MAGIC", "FRAME_EXACT",
-        "FRAME_ASIDE", "HEADER_BYTES",
+        "FRAME_ASIDE", "FRAME_VIEW", "FRAME_SHINE", "FRAME_WORLD", "FRAME_TRACED", "WORLD_WIDTH", "WORLD_HEIGHT",
+        "MOST_KEYS", "MOST_TRACED", "HEADER_BYTES",
     )  # fmt: skip
     return {
         name: getattr(protocol, name, None) or getattr(limits, name, None) or getattr(frames, name)
@@ -94,8 +119,9 @@ def _typed(hint: Any) -> str:
 
 
 def main() -> None:
-    """Write ``messages.ts``."""
+    """Write ``messages.ts`` and ``start_messages.ts``."""
     publish(TARGET, messages_module().encode())
+    publish(START_TARGET, start_messages_module().encode())
 
 
 if __name__ == "__main__":

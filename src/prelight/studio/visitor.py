@@ -12,7 +12,8 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 
-from .protocol import FRAMES_IN_FLIGHT, Compared, Pace, Seen, ServerMessage
+from .frames import FRAME_TRACED, FRAME_VIEW, FrameHeader
+from .protocol import FRAMES_IN_FLIGHT, Compared, Message, Pace, Seen
 from .session import Aside, Frame
 from .wire import encode
 
@@ -45,7 +46,8 @@ class Visitor:
         self._texts: dict[object, str] = {}
         self._unkeyed = 0
         self._frame: Frame | None = None
-        self._aside: Aside | None = None
+        self._asides: dict[str | None, Aside] = {}
+        self._views: dict[int, bytes] = {}
         self._in_flight: deque[int] = deque()
         self._sent_at: deque[float] = deque(maxlen=240)
         self._paced_at = 0.0
@@ -62,7 +64,7 @@ class Visitor:
         """Whether it keeps to its rate, with one more message."""
         return (self._acknowledgements if is_seen else self._commands).take()
 
-    def tell(self, message: ServerMessage) -> None:
+    def tell(self, message: Message) -> None:
         """Send a message, instead of one of the same key that still waits."""
         key: object = message.redundancy_key
         if key is None:
@@ -80,9 +82,13 @@ class Visitor:
         self._news.set()
 
     def show_aside(self, aside: Aside) -> None:
-        """Send the light of a look, instead of one that still waits."""
-        self.tell(Compared(aside.look, aside.light))
-        self._aside = aside
+        """Send the light of a look, instead of an older one that still waits."""
+        self._asides[aside.look] = aside
+        self._news.set()
+
+    def show_view(self, data: bytes) -> None:
+        """Send what depends on the eye, or a picture by the path tracer, instead of one that still waits."""
+        self._views[FrameHeader.read(data).flags & (FRAME_VIEW | FRAME_TRACED)] = data
         self._news.set()
 
     def seen(self, message: Seen) -> None:
@@ -105,9 +111,12 @@ class Visitor:
             self._news.clear()
             while self._texts:
                 await text(self._texts.pop(next(iter(self._texts))))
-            if self._aside is not None:
-                aside, self._aside = self._aside, None
+            while self._asides:
+                aside = self._asides.pop(next(iter(self._asides)))
+                await text(encode(Compared(aside.look, aside.light)))
                 await data(aside.data)
+            while self._views:
+                await data(self._views.pop(next(iter(self._views))))
             if self._frame is not None and len(self._in_flight) < FRAMES_IN_FLIGHT:
                 frame, self._frame = self._frame, None
                 self._in_flight.append(frame.number)

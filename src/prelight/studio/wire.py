@@ -10,10 +10,10 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from ..errors import InputError
-from .protocol import LARGEST_MESSAGE, ClientMessage, Message, ServerMessage
+from .protocol import LARGEST_MESSAGE, ClientMessage, Message
 
 
-def encode(message: ServerMessage | ClientMessage) -> str:
+def encode(message: Message) -> str:
     """The JSON text of a message."""
     return json.dumps(_plain(message), allow_nan=False)
 
@@ -28,8 +28,8 @@ def _plain(value: Any) -> Any:
     return {"type": type(value).__name__, **named} if isinstance(value, Message) else named
 
 
-def decode(text: str) -> ClientMessage:
-    """A message of a page. Raises InputError, naming the message and the field, for whatever it is not."""
+def decode(text: str, kinds: Any = ClientMessage) -> Any:
+    """A message of a page, one of ``kinds``. Raises InputError, naming it and the field, for whatever it is not."""
     if len(text) > LARGEST_MESSAGE:
         raise InputError("message", f"{len(text):,} characters, at most {LARGEST_MESSAGE:,} are read")
     try:
@@ -39,7 +39,7 @@ def decode(text: str) -> ClientMessage:
     if not isinstance(given, dict):
         raise InputError("message", f"a {type(given).__name__}, expected an object with a type")
     name = given.pop("type", None)
-    readers = _readers()
+    readers = _readers(kinds)
     if not isinstance(name, str) or name not in readers:
         raise InputError("message", f"type {str(name)[:40]!r}, expected one of {', '.join(readers)}")
     try:
@@ -53,8 +53,8 @@ def _no_constant(name: str) -> None:
 
 
 @cache
-def _readers() -> dict[str, TypeAdapter[Any]]:
-    return {kind.__name__: TypeAdapter(kind) for kind in get_args(ClientMessage)}
+def _readers(kinds: Any) -> dict[str, TypeAdapter[Any]]:
+    return {kind.__name__: TypeAdapter(kind) for kind in get_args(kinds)}
 
 
 def _refusal(name: str, error: ValidationError) -> InputError:

@@ -18,14 +18,15 @@ from ..errors import InputError
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from .span_kernels import add_pixels, add_splats, span_shape
-from .steered_lamps import SteeredBox, SteeredLamp, SteeredSky
+from .steered_lamps import SteeredBox, SteeredLamp, SteeredPanel, SteeredSky
 
 Report = Callable[[float], None]
 
 LANES = 1 << 17  # paths of a launch
 MOST_SAMPLES = 1 << 16  # a pixel
 _PARTICLES = 1 << 15
-_EYE, _LAMP = 1, 2  # stages of randomness
+_WIDE = 0.1  # of a scene's diagonal, a panel's side
+_EYE, _LAMP, _SEEN = 1, 2, 3  # stages of randomness
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class ImageSettings:
     indirect_only
         Leave direct light out.
     by_chance
-        Keep light through glass or off a mirror that the eye sees in a mirror or through glass; only a lamp of some
-        size is met, and by chance: bright specks. Else it is left out, and named.
+        Light through glass or off a mirror that the eye sees in a mirror or through glass is met by chance, if the
+        lamp has some size: exact, but bright specks. Else it is smoothed over about a pixel.
     seed
         Of all randomness.
     """
@@ -127,16 +128,22 @@ class BasisTracer:
         surfaces = surfaces or SurfaceScene(scene)
         least = 3 if settings.indirect_only else 1
         frame = {"width": settings.width, "height": settings.height}
-        wide = isinstance(lamp, SteeredBox | SteeredSky)  # paths from the eye find it, whatever they meet
+        wide = _is_wide(lamp, scene)  # paths from the eye find it, whatever they meet
         rules = PathRules(settings.depth, least, False, settings.by_chance or wide)
         self._light = None
-        if surfaces.delta.any() and settings.particles and not isinstance(lamp, SteeredBox | SteeredSky):
+        if (
+            surfaces.delta.any()
+            and settings.particles
+            and not (wide or isinstance(lamp, SteeredBox | SteeredSky))
+        ):
             light = LightPaths(surfaces, lamp, camera, rules=rules, **frame)
             self._light = light if light.finds_any else None
+            if self._light is not None and not rules.by_chance:
+                light.see(settings.samples, seed=stage_seed(settings.seed, _SEEN, 0))
         rules = PathRules(settings.depth, least, self._light is not None, rules.by_chance)
         self._eye = paths_of(surfaces, lamp, camera, rules=rules, **frame)
         self._shape = span_shape(lamp)
-        self.left_out = _left_out(surfaces, lamp, settings, from_lamp=self.traces_from_lamp)
+        self.left_out = () if wide else _left_out(surfaces, lamp, settings, from_lamp=self.traces_from_lamp)
 
     @property
     def traces_from_lamp(self) -> bool:
@@ -252,12 +259,20 @@ def basis_images(
     )
 
 
+def _is_wide(lamp: SteeredLamp, scene: Scene) -> bool:
+    """Whether a lamp is so large that paths from the eye meet it over mirrors with less noise than those from it."""
+    if not isinstance(lamp, SteeredPanel):
+        return isinstance(lamp, SteeredBox | SteeredSky)
+    used = scene.positions[scene.triangles.ravel()]
+    return lamp.area > (_WIDE * float(np.linalg.norm(np.ptp(used, axis=0)))) ** 2
+
+
 def _left_out(
     surfaces: SurfaceScene, lamp: SteeredLamp, settings: ImageSettings, *, from_lamp: bool
 ) -> tuple[str, ...]:
     """Which paths are in no image."""
     found = []
-    if not surfaces.delta.any() or isinstance(lamp, SteeredBox | SteeredSky):
+    if not surfaces.delta.any():
         return ()
     if lamp.is_point:
         found.append("the lamp itself in mirrors (a point has no image; give it a radius)")
@@ -265,7 +280,7 @@ def _left_out(
             found.append(
                 "its light through glass or off mirrors onto other surfaces (no paths from the lamp)"
             )
-    if lamp.is_point or not settings.by_chance:
+    if not from_lamp and (lamp.is_point or not settings.by_chance):
         found.append("its light through glass or off mirrors onto what is seen in a mirror or through glass")
     return tuple(found)
 

@@ -1,55 +1,29 @@
-"""What glossy vertices see, and what their materials make of it: transport into exitant spherical harmonics, factored.
+"""What glossy materials make of the light that falls on vertices: transport into exitant harmonics, factored.
 
 A matrix from lights to exitant coefficients of every vertex, (n + 1)² × lights × colours, is hundreds of kilobytes
 a vertex. Its factors are small: what the vertex sees in each direction of a coarse cube, the sky or the light that
-another vertex sends (``seen_from``), and the lobes of its material, the same for all its vertices but for two
+another vertex sends (``seen_cells``), and the lobes of its material, the same for all its vertices but for two
 factors of each colour (``lobes_of``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Normals, Positions, UInt16
+from ..arrays import Float32, Float64, Int32
 from ..bases import exitant
-from ..bases.cube_map import directions
-from ..rays.mitsuba import Occluders
-from ..rays.offset import ray_offset
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..scene.mesh import short_name
 from .eye import vertex_points
-from .hemisphere import lit_sides
 
-CELLS = 16  # along a side of a face of the cube that vertices look into
-SUBRAYS = 4  # of a cell
-NONE = (1 << 25) - 1  # the vertex of a cell that shows none
-_LANES = 1 << 22
-_STAGE = 37  # keeps these random numbers apart from those of other stages
 _TURNS = 4  # of the frame, over half a turn, that a BRDF is averaged over
 _EVEN = 0.02  # a BRDF that differs less between them is isotropic
 _ALIKE = 0.02  # RMS by which the highlights of a material's vertices may differ before it is told
 _SMALLEST = 1e-6
 _LOWEST = 1e-4  # cosine, that a BRDF is asked at
-
-Report = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Seen:
-    """Cells above the horizon of each row, one row after the other.
-
-    ``codes``: sky · 2²⁸ + surface · 2²⁵ + vertex, the first two the quarters of the cell that show the sky, and a lit
-    surface; ``vertex`` (or NONE) one of those that the surface's light is known at.
-    """
-
-    counts: UInt16[np.ndarray, "rows"]
-    texels: UInt16[np.ndarray, "entries"]  # face · 16² + row · 16 + column
-    codes: Int32[np.ndarray, "entries"]
-    rays: int
 
 
 @dataclass(frozen=True)
@@ -76,116 +50,6 @@ def glossy_rows(scene: Scene) -> Int32[np.ndarray, "rows"]:
     glossy = np.array([not material.is_lambertian for material in scene.materials])
     there = scene.normals.any(axis=1)
     return np.flatnonzero(glossy[scene.material_of_vertex] & there).astype(np.int32)
-
-
-# ---- what is seen ------------------------------------------------------------------------------------
-
-
-def cell_directions(cells: int, parts: int) -> Float32[np.ndarray, "cells parts² 3"]:
-    """Middles of ``parts``² equal parts of every cell, cells in the order of texels."""
-    face, row, column = (x.ravel() for x in np.indices((6, cells, cells)))
-    inside = (np.arange(parts) + 0.5) / parts
-    v = (row[:, None] + np.repeat(inside, parts)) * (2.0 / cells) - 1
-    u = (column[:, None] + np.tile(inside, parts)) * (2.0 / cells) - 1
-    d = directions(np.repeat(face, parts * parts), u.ravel(), v.ravel())
-    return d.reshape(len(face), parts * parts, 3).astype(np.float32)
-
-
-def seen_from(
-    occluders: Occluders,
-    scene: Scene,
-    *,
-    origins: Positions,
-    normals: Normals,
-    seed: int = 0,
-    report: Report | None = None,
-) -> Seen:
-    """What each of some places sees above its horizon: a ray for every quarter of every cell.
-
-    ``origins`` before they are lifted from their surface; ``normals`` unit length.
-    """
-    sent = _CellRays(occluders, scene, origins, normals)
-    counts, texels, codes, rays = [], [], [], 0
-    step = max(1, _LANES // (len(sent.middles) * SUBRAYS))
-    for first in range(0, len(origins), step):
-        rows = slice(first, min(first + step, len(origins)))
-        found, u, v, above = sent.trace(rows)
-        rng = np.random.default_rng(np.random.SeedSequence([seed, _STAGE, first]))
-        cell_codes, shown = _coded(found, u, v, above, scene.triangles, rng)
-        rays += int(above.sum())
-        counts.append(shown.sum(axis=1))
-        texels.append(np.nonzero(shown)[1].astype(np.uint16))
-        codes.append(cell_codes[shown])
-        if report is not None:
-            report(rows.stop / len(origins))
-    if not counts:
-        return Seen(np.zeros(0, np.uint16), np.zeros(0, np.uint16), np.zeros(0, np.int32), 0)
-    parts = (np.concatenate(part) for part in (counts, texels, codes))
-    counts_, texels_, codes_ = parts
-    return Seen(counts_.astype(np.uint16), texels_, codes_, rays)
-
-
-class _CellRays:
-    """Rays through the quarters of all cells."""
-
-    def __init__(self, occluders: Occluders, scene: Scene, origins: Positions, normals: Normals) -> None:
-        self._mi, self._scene = occluders.mi, occluders.scene
-        mi = self._mi
-        lifted = origins + np.float32(ray_offset(occluders.positions)) * normals
-        self.middles = cell_directions(CELLS, 1)[:, 0]
-        around = cell_directions(CELLS, 2).reshape(-1, 3)
-        self._origin, self._normal, self._d, self._lit = (
-            mi.Vector3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in a.T))
-            for a in (lifted, normals, around, lit_sides(scene))
-        )
-        self._normals = normals
-
-    def trace(self, rows: slice) -> tuple[np.ndarray, ...]:
-        """Triangles (rows, cells, 4), −1 the sky, −2 what sends nothing; weights; and which are above the horizon."""
-        import drjit as dr
-
-        mi, each = self._mi, len(self.middles) * SUBRAYS
-        count = rows.stop - rows.start
-        lane = dr.arange(mi.UInt32, count * each)
-        row = lane // dr.opaque(mi.UInt32, each)
-        ray = lane - row * dr.opaque(mi.UInt32, each)
-        row += dr.opaque(mi.UInt32, rows.start)
-        d = dr.gather(mi.Vector3f, self._d, ray)
-        above = dr.dot(dr.gather(mi.Vector3f, self._normal, row), d) > 0
-        origin = mi.Point3f(dr.gather(mi.Vector3f, self._origin, row))
-        hit = self._scene.ray_intersect_preliminary(mi.Ray3f(origin, d), active=above)
-        met = above & hit.is_valid()
-        lit = dr.dot(dr.gather(mi.Vector3f, self._lit, hit.prim_index, met), d) < 0
-        outcome = dr.select(lit, mi.Int32(hit.prim_index), mi.Int32(-2))
-        found = dr.select(met, outcome, dr.select(above, mi.Int32(-1), mi.Int32(-2)))
-        u, v = (dr.select(met, w, mi.Float(0)) for w in (hit.prim_uv.x, hit.prim_uv.y))
-        up = dr.select(above, mi.UInt32(1), mi.UInt32(0))
-        dr.eval(found, u, v, up)
-        shape = (count, len(self.middles), SUBRAYS)
-        values = [a.numpy().reshape(shape) for a in (found, u, v)]
-        return (*values, up.numpy().reshape(shape).astype(bool))
-
-
-def _coded(
-    found: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
-    above: np.ndarray,
-    triangles: np.ndarray,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Codes (rows, cells), and which cells have light to bring: one hit stands for all of a cell, one vertex for it."""
-    sky = ((found == -1) & above).sum(axis=2)
-    lit = found >= 0
-    surface = lit.sum(axis=2)
-    draw = rng.random((*sky.shape, 2), np.float32)
-    wanted = np.minimum((draw[..., 0] * surface).astype(np.int64), np.maximum(surface - 1, 0))
-    which = ((np.cumsum(lit, axis=2) - 1 == wanted[..., None]) & lit).argmax(axis=2)[..., None]
-    triangle, u, v = (np.take_along_axis(a, which, axis=2)[..., 0] for a in (found, u, v))
-    corner = (draw[..., 1] < u + v).astype(np.int64) + (draw[..., 1] < v)  # 2 by v, 1 by u, else 0
-    vertex = np.where(surface > 0, triangles[np.maximum(triangle, 0), corner], NONE)
-    codes = (sky.astype(np.int64) << 28) | (surface.astype(np.int64) << 25) | vertex
-    return codes.astype(np.int32), (sky + surface) > 0
 
 
 # ---- what materials make of it -----------------------------------------------------------------------

@@ -6,7 +6,8 @@ light left the lamp, so that every function of these can be multiplied to it aft
 
 Paths are parted by class, after their vertices seen from the lamp L to the eye E, S a mirror or clear glass, D what
 scatters: **L S⁺ D … D E** is left to `light_tracing`, which finds it easily; **L S⁺ D … S⁺ E** (light through
-glass, seen in a mirror) neither direction finds well: from the eye, a lamp of some size is met by chance.
+glass, seen in a mirror) neither direction finds well: `seen_in_glass` joins the two, or, from the eye, a lamp of some
+size is met by chance.
 """
 
 from __future__ import annotations
@@ -269,6 +270,11 @@ class PinholeRays:
     @property
     def eye(self) -> Any:
         return self._eye
+
+    @property
+    def focal(self) -> Any:
+        """Pixels: what is as far away as this is as wide as a pixel there."""
+        return self._focal
 
     def through(self, pixel: Any, sample: Any) -> Any:
         """A ray through each pixel, at a place about its middle of which a tent two pixels wide is the density."""

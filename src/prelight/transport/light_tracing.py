@@ -18,6 +18,7 @@ from ..arrays import Float32, Float64
 from ..camera import Camera
 from ..rays.surfaces import SurfaceScene
 from .eye_paths import PathRules, PinholeRays, place_on
+from .seen_in_glass import Arrivals, Seen, SeenInGlass
 from .shading_normals import for_smoothed
 from .steered_lamps import SteeredPanel, SteeredSpot
 
@@ -39,6 +40,13 @@ class Splats:
     particle: np.ndarray  # (splats,) int64, row of ``left``
     colour: Float32[np.ndarray, "splats 4"]  # red, green, blue and nothing
     left: Float32[np.ndarray, "particles 5"]  # direction in which it left the lamp, u, v
+
+    def and_seen(self, more: Seen) -> Splats:
+        """With what the same paths bring to what is seen in glass, behind the rest."""
+        return Splats(
+            np.concatenate([self.pixel, more.pixel]), np.concatenate([self.particle, more.particle]),
+            np.concatenate([self.colour, more.colour]), self.left,
+        )  # fmt: skip
 
 
 class LightPaths:
@@ -70,6 +78,7 @@ class LightPaths:
         self._sampler = self.mi.load_dict({"type": "independent"})
         self._loop = dr.syntax(LightPaths._walk)
         self._frame = _Lamp(self.mi, lamp)
+        self._seen: SeenInGlass | None = None
         share = self._search()
         self.finds_any = bool(share.any())
         even = np.full(len(share), 1 / len(share))
@@ -82,6 +91,20 @@ class LightPaths:
                 reached = _spread(reached)
             useful = reached / reached.sum() if reached.any() else share
             self._aim(elsewhere * even + alike * share + (1 - elsewhere - alike) * useful)
+
+    def see(self, samples: int, *, seed: int) -> bool:
+        """From now on join paths to what is seen in mirrors and through glass, too; whether there is any of it."""
+        seen = SeenInGlass(
+            self.mi,
+            self.scene,
+            self._unlit,
+            view=self._view,
+            samples=samples,
+            most=self.rules.depth,
+            seed=seed,
+        )
+        self._seen = seen if seen.any else None
+        return seen.any
 
     def _aim(self, share: np.ndarray) -> None:
         self._cells = self.mi.DiscreteDistribution(self.mi.Float(share.astype(np.float32)))
@@ -136,14 +159,20 @@ class LightPaths:
         start = dr.select(density > 0, self._frame.weight(d) / density, 0)
         slots = max(1, self.rules.depth - 2)
         colour = dr.empty(mi.Float, 4 * particles * slots)
-        count = self._loop(self, ray, start, lane, dr.opaque(mi.UInt32, particles), colour)
+        arrived = None if self._seen is None else dr.empty(mi.Float, 12 * particles * slots)
+        lanes = dr.opaque(mi.UInt32, particles)
+        count, arrivals = self._loop(self, ray, start, lane, lanes, colour, arrived)
         u, v = place_on(mi, self.lamp, ray.o)
         left = dr.empty(mi.Float, 5 * particles)
         for k, value in enumerate((d.x, d.y, d.z, u + 0 * d.x, v + 0 * d.x)):
             dr.scatter(left, value, lane * 5 + k)
-        dr.eval(count, colour, left)
+        dr.eval(count, colour, left, arrivals, arrived)
         dr.sync_thread()
-        return self._gathered(np.asarray(count), np.asarray(colour).reshape(slots, particles, 4), left)
+        splats = self._gathered(np.asarray(count), np.asarray(colour).reshape(slots, particles, 4), left)
+        if self._seen is None:
+            return splats
+        every = np.asarray(arrived).reshape(slots, particles, 12)
+        return splats.and_seen(self._seen.splats(_arrivals(np.asarray(arrivals), every)))
 
     def _gathered(self, count: np.ndarray, colour: np.ndarray, left: Any) -> Splats:
         slots = int(count.max(initial=0))
@@ -153,15 +182,15 @@ class LightPaths:
         pixel = entries[:, 3].copy().view(np.uint32).astype(np.int64)
         return Splats(pixel, particle, entries, np.asarray(left).reshape(-1, 5).copy())
 
-    def _walk(self, ray: Any, start: Any, lane: Any, lanes: Any, colour: Any) -> Any:
-        """The loop over surfaces; how many splats each path has left."""
+    def _walk(self, ray: Any, start: Any, lane: Any, lanes: Any, colour: Any, arrived: Any) -> Any:
+        """The loop over surfaces; how many splats each path has left, and how many arrivals."""
         import drjit as dr
 
         mi, scene, view = self.mi, self.scene, self._view
         sampler, ctx = self._sampler, mi.BSDFContext(mi.TransportMode.Importance)
         most, least = dr.opaque(mi.UInt32, self.rules.depth), dr.opaque(mi.UInt32, self.rules.least_depth)
         ray = mi.Ray3f(ray)
-        met, slot = mi.UInt32(0), mi.UInt32(0)
+        met, slot, fallen = mi.UInt32(0), mi.UInt32(0), mi.UInt32(0)
         carry, eta = mi.Spectrum(start), mi.Float(1)
         bent = mi.Bool(False)  # by a mirror or glass, the first that was met
         active = start > 0
@@ -188,6 +217,15 @@ class LightPaths:
             dr.scatter(colour, packed, slot * lanes + lane, joins)
             slot += dr.select(joins, mi.UInt32(1), mi.UInt32(0))
 
+            # ---- kept for what is seen in glass ------------------------------------------------------
+            if arrived is not None:
+                falls = active & bent & (met + 3 <= most) & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+                at, number = (fallen * lanes + lane) * 3, dr.reinterpret_array(mi.Float, met)
+                dr.scatter(arrived, mi.Vector4f(si.p.x, si.p.y, si.p.z, number), at, falls)
+                dr.scatter(arrived, mi.Vector4f(-ray.d.x, -ray.d.y, -ray.d.z, 0), at + 1, falls)
+                dr.scatter(arrived, mi.Vector4f(carry.x, carry.y, carry.z, 0), at + 2, falls)
+                fallen += dr.select(falls, mi.UInt32(1), mi.UInt32(0))
+
             # ---- on ------------------------------------------------------------------------------------
             active &= met + 3 <= most
             sample, weight = bsdf.sample(ctx, si, sampler.next_1d(), sampler.next_2d(), active)
@@ -205,7 +243,16 @@ class LightPaths:
             roulette = active & (met >= _ROULETTE_FROM)
             carry[roulette] *= dr.rcp(alive)
             active &= (~roulette | (sampler.next_1d() < alive)) & (strength > 0) & dr.isfinite(strength)
-        return slot
+        return slot, fallen
+
+
+def _arrivals(counts: np.ndarray, entries: np.ndarray) -> Arrivals:
+    """Of entries (slots, paths, 12), those that were filled, path after path."""
+    filled = np.arange(int(counts.max(initial=0)))[None, :] < counts[:, None]
+    particle, slot = np.nonzero(filled)
+    rows = entries[slot, particle]
+    points, toward, carried = (np.ascontiguousarray(rows[:, k : k + 3]) for k in (0, 4, 8))
+    return Arrivals(particle, points, toward, carried, rows[:, 3].copy().view(np.uint32))
 
 
 def _spread(cells: Float64[np.ndarray, "cells"]) -> Float64[np.ndarray, "cells"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..rays.surfaces import SurfaceScene
 from ..scene.variant import mitsuba
 from .cube_emitter import cube_emitter
 from .eye import SeenPoints
+from .opening_emitter import opening_emitter
 
 _LANES = 1 << 22
 _INSIDE = 1e-3  # of the way to a triangle's centre: a ray at a vertex could slip between two
@@ -62,6 +63,8 @@ def path_traced_view(  # noqa: PLR0913
     bounces: int | None = 0,
     samples: int = 1024,
     seed: int = 0,
+    openings: Float64[np.ndarray, "openings 3 3"] | None = None,
+    lights: Sequence[Any] = (),
     report: Report | None = None,
 ) -> MeanAndVariance:
     """Radiance toward the eye and the variance of that mean, by plugin ``path`` with the scene's BSDFs.
@@ -71,12 +74,17 @@ def path_traced_view(  # noqa: PLR0913
     The ``samples`` of a receiver (at least two a point) are shared by its points: those of a pixel are looked at
     from the eye, a vertex from close by. As in a bake a vertex that faces away from the eye is dark, if it is
     not Lambertian: then it is looked at along its normal. Unlike a bake, mirrors show the environment.
+
+    ``openings`` of a room (``opening_emitter``): light is looked for there, and the mean has less noise. ``lights``:
+    what Mitsuba makes emitters of, in the scene.
     """
     chosen = np.arange(len(points)) if receivers is None else receivers
     triangle, weights = points.triangle[chosen], points.weights[chosen]
     look = _looks_at_vertices if points.at_vertices else _looks_from_eye
     rays = look(surfaces, triangle.ravel(), weights.reshape(-1, 2), points.eye)
-    scene = surfaces.lit_by(cube_emitter(surfaces.mi, cube))
+    mi = surfaces.mi
+    sky = cube_emitter(mi, cube) if openings is None else opening_emitter(mi, cube, openings)
+    scene = surfaces.lit_by(sky, *lights)
     each = max(2, samples // points.samples)
     depth = DEEPEST if bounces is None else 2 + bounces
     values = _paths(scene, rays, depth=depth, samples=each, seed=seed, report=report)

@@ -6,14 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Float32, Int32
+from ..arrays import Float32, Int32, Int64
 from ..errors import InputError
 from ..rays.box_tree_kernels import build
 from ..rays.packet_kernels import morton_codes
 from ..scene.geometry import Scene
 from .covered_area_kernels import covered_areas
 from .hemisphere import lit_sides
-from .photon_density_kernels import build_tree, cell_sums, kernel_sums, nearest_radii
+from .photon_density_kernels import build_tree, cell_sums, kernel_pairs, kernel_sums, nearest_radii
 from .photon_tracing import Photons
 from .specular import specular_materials
 
@@ -163,6 +163,20 @@ class PhotonDensity:
         of_photon = np.ascontiguousarray(cells[order], np.int32)
         cell_sums(self._tree, ordered, of_photon, points, normals, self.radii[rows], self.areas[rows], out)
         return out
+
+    def pairs(
+        self, rows: Int64[np.ndarray, "rows"]
+    ) -> tuple[Int64[np.ndarray, "rows_and_one"], Int32[np.ndarray, "n"], Float32[np.ndarray, "n"]]:
+        """The photons of some vertices one by one: where each begins, numbers of the photons, K / ∫K."""
+        points, normals = self._surface.points[rows], self._surface.normals[rows]
+        starts = np.zeros(len(rows) + 1, np.int64)
+        places = self._tree, points, normals, self.radii[rows], self.areas[rows], starts
+        kernel_pairs(*places, np.empty(0, np.int32), np.empty(0, np.float32))
+        np.cumsum(starts, out=starts)
+        photons, weights = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
+        if len(photons):
+            kernel_pairs(*places, photons, weights)
+        return starts, photons if self.order is None else self.order[photons], weights
 
 
 def _spacing(scene: Scene) -> Float32[np.ndarray, "vertices"]:

@@ -293,3 +293,40 @@ def cell_sums(tree, values, cells, x, n, radii, areas, out):
     for part in prange((len(x) + _POINTS - 1) // _POINTS):
         first, last = part * _POINTS, min(len(x), (part + 1) * _POINTS)
         _some_cell_sums(tree, values, cells, x, n, radii, areas, out, first, last)
+
+
+# ---- which photons, one by one ------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def _some_pairs(tree, x, n, radii, areas, starts, photons, weights, first, last):
+    """``starts`` says where each point's are written; while ``photons`` has no room, counts go there."""
+    todo = np.empty((_DEEPEST, 3), np.float64)
+    found, kernel = np.empty(4096, np.int64), np.empty(4096, np.float32)
+    for v in range(first, last):
+        count = 0
+        if radii[v] > 0 and areas[v] > 0:
+            count, found, kernel = _neighbours(tree, x[v], n[v], radii[v], todo, found, kernel)
+        if len(photons) == 0:
+            starts[v + 1] = count
+            continue
+        for j in range(count):
+            photons[starts[v] + j] = found[j]
+            weights[starts[v] + j] = kernel[j] / areas[v]
+
+
+@njit(
+    [types.void(types.Tuple((_f2, _f2, _a1)), _f2, _f2, _f1, _f1, types.int64[::1], types.int32[::1],
+                types.float32[::1])],
+    parallel=True,
+    cache=True,
+)  # fmt: skip
+def kernel_pairs(tree, x, n, radii, areas, starts, photons, weights):
+    """Each point's photons, numbers of the tree's order, and the kernel's K / A; called twice.
+
+    First with no room in ``photons``: ``starts[v + 1]`` (points + 1) becomes how many point v has. Then with their
+    sums in ``starts``.
+    """
+    for part in prange((len(x) + _POINTS - 1) // _POINTS):
+        first, last = part * _POINTS, min(len(x), (part + 1) * _POINTS)
+        _some_pairs(tree, x, n, radii, areas, starts, photons, weights, first, last)

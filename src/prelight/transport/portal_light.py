@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Int64, Normals, Positions
+from ..arrays import Directions, Float32, Int32, Int64, Normals, Positions
 from ..bases import cube_map
 from ..errors import InputError
 from ..rays.mitsuba import Occluders
@@ -31,6 +31,7 @@ LEAST_RAYS = 16  # to a pane that may be seen
 _NEAR = (
     50.0  # squares of the distance between points on a pane: nearer receivers look over their hemisphere too
 )
+_LANES = 1 << 21
 _SHEETS = 4  # panes behind each other, at most, of which the last counts
 _LOOK = 0x68E31DA4  # tells the random numbers of looking from those of points
 _BOX = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
@@ -69,6 +70,8 @@ class PortalRays:
         A scene of Mitsuba's of the portals' triangles alone, in their order.
     layered
         Whether a ray may leave through more than one pane: it then counts for the last one only.
+    alike
+        Send the rays of all receivers to the same points: noise that they share falls out of their differences.
     """
 
     def __init__(  # noqa: PLR0913 - most of them are seldom given
@@ -83,11 +86,12 @@ class PortalRays:
         seed: int = 0,
         glass: Any,
         layered: bool = False,
+        alike: bool = False,
     ) -> None:
         if not 1 <= rays <= MOST_RAYS:
             raise InputError("rays", f"{rays} a receiver, expected 1 to {MOST_RAYS:,}")
         self._mi, self._scene = occluders.mi, occluders.scene
-        self._glass, self._layered = glass, layered
+        self._glass, self._layered, self._alike = glass, layered, alike
         self._offset = ray_offset(occluders.positions)
         self._positions = origins + np.float32(self._offset) * normals
         self._normals, self.rays, self._seed, self.resolution = normals, rays, seed, resolution
@@ -140,6 +144,27 @@ class PortalRays:
         found, *looked = self._over_hemisphere(first, row, sample, counted)
         return _merged(starts, cell, weight, (found, *looked), rays=len(cell) + len(row))
 
+    def reached(self, directions: Directions) -> Float32[np.ndarray, "receivers directions"]:
+        """The cosine at receivers of directions in which the sky is seen through a pane, over π; 0 where it is not."""
+        import drjit as dr
+
+        mi, count = self._mi, len(directions)
+        out, d = np.zeros((self.receivers, count), np.float32), _points(self._mi, directions)
+        step = max(1, _LANES // max(count, 1))
+        for first in range(0, self.receivers, step):
+            many = min(step, self.receivers - first)
+            lane = dr.arange(mi.UInt32, many * count)
+            row = lane // dr.opaque(mi.UInt32, count)
+            to = dr.gather(mi.Vector3f, mi.Vector3f(d), lane - row * dr.opaque(mi.UInt32, count))
+            receiver = row + dr.opaque(mi.UInt32, first)
+            origin, facing = (dr.gather(mi.Point3f, x, receiver) for x in (self._origin, self._normal))
+            cosine = dr.dot(facing, to)
+            ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(to))
+            seen = self._glass.ray_test(ray, active=cosine > 0)
+            seen &= ~self._scene.ray_test(ray, active=seen)
+            out[first : first + many] = dr.select(seen, cosine * dr.inv_pi, 0).numpy().reshape(many, count)
+        return out
+
     def _to_points(
         self, first: int, pair_of: np.ndarray, sample_of: np.ndarray, counted: tuple[np.ndarray, np.ndarray]
     ) -> tuple[Int32[np.ndarray, "lanes"], Float32[np.ndarray, "lanes"]]:
@@ -153,7 +178,7 @@ class PortalRays:
         looks = dr.gather(mi.UInt32, mi.UInt32(counted[1]), row)
         receiver = row + dr.opaque(mi.UInt32, first)
         whole = receiver * dr.opaque(mi.UInt32, self.panes) + pane
-        numbers = spread_numbers(mi, whole, sample, rays=many, seed=self._seed)
+        numbers = spread_numbers(mi, pane if self._alike else whole, sample, rays=many, seed=self._seed)
         point, normal, area = self._panes.points(pane, numbers)
         origin, facing = (
             dr.gather(mi.Point3f, self._origin, receiver),
@@ -184,7 +209,8 @@ class PortalRays:
         row, sample = mi.UInt32(row_of), mi.UInt32(sample_of)
         looks = dr.gather(mi.UInt32, mi.UInt32(counted[1]), row)
         receiver = row + dr.opaque(mi.UInt32, first)
-        numbers = spread_numbers(mi, receiver, sample, rays=looks, seed=self._seed ^ _LOOK)
+        of = dr.zeros(mi.UInt32, len(row_of)) if self._alike else receiver
+        numbers = spread_numbers(mi, of, sample, rays=looks, seed=self._seed ^ _LOOK)
         origin, facing = (
             dr.gather(mi.Point3f, self._origin, receiver),
             dr.gather(mi.Point3f, self._normal, receiver),

@@ -49,20 +49,9 @@ def portal_openness(occluders: Occluders, portals: Portals, *, glass: Any = None
 
 
 def _of_some(occluders: Occluders, portals: Portals, some: np.ndarray, glass: Any) -> tuple:
-    rng = np.random.default_rng(np.random.SeedSequence([_STAGE, int(some[0])]))
-    point, normal = _places(portals, some, rng)
-    count = len(some) * _POINTS
-    turn, height = rng.random((2, count, _RAYS))
-    flat, up = np.sqrt(height), np.sqrt(1 - height)
-    first, second = _frames(normal)
-    around = flat[..., None] * (
-        np.cos(2 * np.pi * turn)[..., None] * first[:, None]
-        + np.sin(2 * np.pi * turn)[..., None] * second[:, None]
-    )
+    normal, rays = _rays(occluders, portals, some)
     free, behind = [], []
-    for sign in (1.0, -1.0):
-        d = (around + sign * up[..., None] * normal[:, None]).reshape(-1, 3)
-        start = np.repeat(point + sign * ray_offset(occluders.positions) * normal, _RAYS, axis=0)
+    for start, d in rays:
         open_ = ~_met(occluders.mi, occluders.scene, start, d)
         again = _met(occluders.mi, glass, start, d) & open_ if glass is not None else np.zeros_like(open_)
         free.append(open_.reshape(len(some), -1).mean(axis=1))
@@ -80,6 +69,46 @@ def _of_some(occluders: Occluders, portals: Portals, some: np.ndarray, glass: An
     more = np.argmax(free, axis=1)
     out = int(np.take_along_axis(behind, more[:, None], axis=1).sum())
     return np.sort(free, axis=1)[:, ::-1], outward, out, int(free.max(axis=1).sum() * _POINTS * _RAYS)
+
+
+def through_others(occluders: Occluders, portals: Portals, some: np.ndarray) -> Float64[np.ndarray, "some"]:
+    """Of some portals, the share of their free rays, to either side, that meet other portals on their way.
+
+    Glass that stands in a room sees the sky through its windows alone: all of them.
+    """
+    out = np.zeros(len(some))
+    for k, portal in enumerate(some):
+        corners = portals.corners[portals.portal_of != portal].reshape(-1, 3)
+        if not len(corners):
+            continue
+        others = Occluders(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+        _, rays = _rays(occluders, portals, some[k : k + 1])
+        free = [(start, d, ~_met(occluders.mi, occluders.scene, start, d)) for start, d in rays]
+        met = sum(
+            int((_met(others.mi, others.scene, start, d) & is_free).sum()) for start, d, is_free in free
+        )
+        out[k] = met / max(sum(int(is_free.sum()) for *_, is_free in free), 1)
+    return out
+
+
+def _rays(occluders: Occluders, portals: Portals, some: np.ndarray) -> tuple[np.ndarray, list]:
+    """Normals at points of portals, and rays from there to one side and the other: starts and directions."""
+    rng = np.random.default_rng(np.random.SeedSequence([_STAGE, int(some[0])]))
+    point, normal = _places(portals, some, rng)
+    turn, height = rng.random((2, len(some) * _POINTS, _RAYS))
+    flat, up = np.sqrt(height), np.sqrt(1 - height)
+    first, second = _frames(normal)
+    around = flat[..., None] * (
+        np.cos(2 * np.pi * turn)[..., None] * first[:, None]
+        + np.sin(2 * np.pi * turn)[..., None] * second[:, None]
+    )
+    return normal, [
+        (
+            np.repeat(point + sign * ray_offset(occluders.positions) * normal, _RAYS, axis=0),
+            (around + sign * up[..., None] * normal[:, None]).reshape(-1, 3),
+        )
+        for sign in (1.0, -1.0)
+    ]
 
 
 def _places(portals: Portals, some: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

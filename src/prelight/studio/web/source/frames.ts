@@ -1,16 +1,23 @@
 // Radiance frames: a header of 32 bytes, then one rgb9e5 for each row.
 
-import { FRAME_ASIDE, FRAME_EXACT, FRAME_MAGIC, HEADER, HEADER_BYTES } from "./messages";
+import {
+  FRAME_ASIDE, FRAME_EXACT, FRAME_MAGIC, FRAME_SHINE, FRAME_TRACED, FRAME_VIEW, FRAME_WORLD, HEADER, HEADER_BYTES, WORLD_HEIGHT,
+  WORLD_WIDTH,
+} from "./messages";
 
 export interface Frame {
   number: number;
   sequence: number;
   milliseconds: number;
   exact: boolean;
-  /** Of a look to compare with. */
-  aside: boolean;
-  /** One rgb9e5 a row: a view of what arrived, nothing is copied. */
+  /** Light as it is set; of a look to compare with; what depends on the eye; a picture by the path tracer. */
+  kind: "light" | "aside" | "view" | "traced";
+  /** One rgb9e5 a row, but of a view: what arrived itself, nothing is copied. */
   radiance: Uint32Array<ArrayBuffer>;
+  /** Of a view: four half floats a vertex, the first three to be added; null where nothing shines. */
+  shine: Uint16Array<ArrayBuffer> | null;
+  /** Of a view: what is outside, in rgb9e5, lat-long; null: only the sky. */
+  world: Uint32Array<ArrayBuffer> | null;
 }
 
 /** The frame in a binary message; null for anything that is not a whole one. */
@@ -20,12 +27,16 @@ export function readFrame(data: ArrayBuffer): Frame | null {
   const count = header.getUint32(HEADER.count, true);
   const isWhole = data.byteLength === HEADER_BYTES + 4 * count;
   if (header.getUint32(HEADER.magic, true) !== FRAME_MAGIC || !isWhole) return null;
+  const flags = header.getUint32(HEADER.flags, true);
+  const map = flags & FRAME_WORLD ? WORLD_WIDTH * WORLD_HEIGHT : 0;
   return {
     number: header.getUint32(HEADER.frame, true),
     sequence: header.getUint32(HEADER.sequence, true),
     milliseconds: header.getFloat32(HEADER.milliseconds, true),
-    exact: (header.getUint32(HEADER.flags, true) & FRAME_EXACT) !== 0,
-    aside: (header.getUint32(HEADER.flags, true) & FRAME_ASIDE) !== 0,
+    exact: (flags & FRAME_EXACT) !== 0,
+    kind: flags & FRAME_ASIDE ? "aside" : flags & FRAME_VIEW ? "view" : flags & FRAME_TRACED ? "traced" : "light",
     radiance: new Uint32Array(data, HEADER_BYTES, count),
+    shine: flags & FRAME_SHINE ? new Uint16Array(data, HEADER_BYTES, 2 * (count - map)) : null,
+    world: map > 0 ? new Uint32Array(data, HEADER_BYTES + 4 * (count - map), map) : null,
   };
 }

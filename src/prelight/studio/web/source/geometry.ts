@@ -20,6 +20,7 @@ interface Index {
 
 export interface Geometry {
   positions: Float32Array<ArrayBuffer>;
+  normals: Float32Array<ArrayBuffer> | null;
   triangles: Uint32Array<ArrayBuffer>;
   materialOf: Uint32Array<ArrayBuffer>;
   albedo: Float32Array<ArrayBuffer>;
@@ -37,7 +38,7 @@ const BYTES = { f4: 4, u4: 4, u1: 1 } as const;
 /** Fetch a bake's geometry; `report` hears bytes so far and bytes in all. Raises Error with a sentence. */
 export async function fetchGeometry(report: (done: number, all: number) => void): Promise<Geometry> {
   const index = (await (await fetched("/geometry.json")).json()) as Index;
-  const names = ["positions", "triangles", "material_of", "albedo", "tint", "uv", "pane", "coverage"];
+  const names = ["positions", "normals", "triangles", "material_of", "albedo", "tint", "uv", "pane", "coverage"];
   const places = new Map(names.flatMap((name) => Object.entries(index.arrays).filter(([key]) => key === name)));
   const all = [...places.values()].reduce((sum, place) => sum + byteLength(place), 0);
   let done = 0;
@@ -56,6 +57,7 @@ export async function fetchGeometry(report: (done: number, all: number) => void)
   const floats = (name: string) => new Float32Array(need(name));
   return {
     positions: floats("positions"),
+    normals: arrays.has("normals") ? floats("normals") : null,
     triangles: new Uint32Array(need("triangles")),
     materialOf: new Uint32Array(need("material_of")),
     albedo: floats("albedo"),
@@ -72,9 +74,9 @@ export async function fetchSky(id: string): Promise<Uint32Array<ArrayBuffer>> {
   return new Uint32Array(await (await fetched(`/sky/${encodeURIComponent(id)}`)).arrayBuffer());
 }
 
-/** The light as a rig file. Raises Error with a sentence. */
-export async function fetchRig(): Promise<Blob> {
-  const response = await fetch("/rig.toml");
+/** The light as a rig file, or the timeline as one whose lamps fade. Raises Error with a sentence. */
+export async function fetchRig(what: "rig" | "timeline" = "rig"): Promise<Blob> {
+  const response = await fetch(`/${what}.toml`);
   if (!response.ok) throw new Error((await response.text()).trim());
   return response.blob();
 }

@@ -5,6 +5,7 @@ import { type ClientMessage, PROTOCOL_VERSION, type ServerMessage } from "./mess
 const FIRST_WAIT_MS = 400;
 const LONGEST_WAIT_MS = 4000;
 const PROTOCOL_ERROR = 1002;
+const ANOTHER_BAKE = 4001; // 1012 is what a server says that ends
 
 /** How the connection stands; `reason` is a sentence where it ended for good. */
 export type Standing = { is: "open" } | { is: "lost"; retryMs: number } | { is: "ended"; reason: string };
@@ -66,7 +67,9 @@ export class Link {
   private async closed(socket: WebSocket, event: CloseEvent): Promise<void> {
     if (this.ended || socket !== this.socket) return;
     this.socket = null;
-    if (event.code === PROTOCOL_ERROR) {
+    if (event.code === ANOTHER_BAKE) {
+      location.reload();
+    } else if (event.code === PROTOCOL_ERROR) {
       this.end(event.reason || "This page and the studio do not fit together. Reload the page.");
     } else if (await isShutOut()) {
       this.end("This page's key no longer opens the studio. Use the address that prelight studio printed.");

@@ -4,23 +4,31 @@ import "./studio.css";
 import { fetchGeometry } from "./geometry";
 import { readFrame } from "./frames";
 import { Link, type Standing } from "./link";
-import type { CameraView, ServerMessage, State, Welcome } from "./messages";
+import type { ServerMessage, State, Welcome } from "./messages";
 import { PROTOCOL_VERSION } from "./messages";
 import { Metrics } from "./metrics";
+import { download, filmed } from "./recorder";
 import { Rig } from "./rig";
+import { Shown } from "./shown";
+import { BEFORE } from "./sides";
+import { identity, summary } from "./welcome";
 import { button, element, wrapped } from "./panel/elements";
 import { bindKeys } from "./panel/keys";
+import { CamerasBar } from "./panel/cameras_bar";
 import { GlassPanel } from "./panel/glass_panel";
 import { LampsPanel, type Spot } from "./panel/lamps_panel";
 import { LightsPanel } from "./panel/lights_panel";
-import { LooksPanel } from "./panel/looks_panel";
 import { Notices } from "./panel/notices";
 import { PaceCorner } from "./panel/pace";
 import { PicturePanel } from "./panel/picture_panel";
+import { PlacingBar } from "./panel/placing_bar";
 import { RigBar } from "./panel/rig_bar";
 import { SkyPanel } from "./panel/sky_panel";
+import { WorldPanel } from "./panel/world_panel";
+import { StartPage } from "./start/page";
 import { Divider } from "./view/divider";
 import { Handles } from "./view/handles";
+import { type Effect, type Placement, Placing, anglesOf } from "./view/placing";
 import { Stage } from "./view/stage";
 
 const TURN_KEY_DEG = 5;
@@ -35,37 +43,49 @@ class Page {
     standing: (standing) => this.takeStanding(standing),
   });
   private readonly rig = new Rig((change) => this.link.send(change));
-  private readonly lights = new LightsPanel(this.rig);
+  private readonly placing = new Placing(this.stage, {
+    place: (placement) => this.place(placement),
+    say: (words) => this.notices.hint(words),
+  });
+  private readonly placesLamp = { is: false };
+  private readonly lights = new LightsPanel(this.rig, this.placingBar(false));
   private readonly sky = new SkyPanel(this.rig, (map) => this.lights.strip.showMap(map));
-  private readonly lamps = new LampsPanel(this.rig, { place: () => this.spotForALamp(), chosen: () => this.showLamps() });
+  private readonly lamps = new LampsPanel(
+    this.rig,
+    { place: () => this.spotForALamp(), chosen: () => this.showLamps() },
+    this.placingBar(true),
+  );
   private readonly handles = new Handles(() => this.stage.eye.camera, () => this.stage.surface, {
     select: (id) => this.lamps.select(id),
     move: (id, what, place, dragging) => this.lamps.move(id, what, place, dragging),
     remove: (id) => this.lamps.remove(id),
   });
   private readonly glass = new GlassPanel(this.rig, (through) => this.stage.setPanes(through));
-  private readonly divider = new Divider((place) => this.looks.moveTo(place));
-  private readonly looks: LooksPanel = new LooksPanel({
-    ask: (change) => this.rig.ask(change),
-    compare: (look) => this.compare(look),
-    mix: (mix) => {
-      this.stage.mix(mix);
-      this.showDivider();
-    },
+  private readonly divider = new Divider((place) => this.shown.looks.moveTo(place));
+  private readonly shown = new Shown({
+    rig: this.rig, stage: this.stage, metrics: this.metrics, notices: this.notices,
+    send: (message) => this.link.send(message),
+    divided: () => this.showDivider(),
   });
+  private readonly world = new WorldPanel(this.rig);
   private readonly bar = new RigBar((change) => this.rig.ask(change), (words) => this.notices.toast(words));
-  private readonly picture = new PicturePanel(this.stage, found("legend"));
+  private readonly picture = new PicturePanel(this.stage, found("legend"), {
+    save: () => void this.save(),
+    record: () => this.record(),
+  });
+  private readonly cameras = new CamerasBar(found("eyes"), this.stage, () => this.walk());
   private readonly corner = new PaceCorner(found("pace"), this.metrics);
   private welcome: Welcome | null = null;
   private state: State | null = null;
   private unshown: State | null = null;
-  private other: State | null = null;
+  private filming: (() => void) | null = null;
 
   start(): void {
     this.metrics.version = PROTOCOL_VERSION;
     const panel = found("panel");
-    const parts = [this.sky.part, this.lights.part, this.glass.part, this.lamps.part, this.looks.part, this.picture.part];
-    panel.append(this.bar.part, ...parts);
+    const { sky, lights, glass, world, lamps, picture } = this;
+    const { looks, timeline, tracer } = this.shown;
+    panel.append(this.bar.part, ...[sky, lights, world, glass, lamps, looks, timeline, picture, tracer].map(({ part }) => part));
     found("stage").append(this.handles.host, this.divider.host);
     new ResizeObserver(() => this.cover()).observe(panel);
     window.addEventListener("resize", () => this.cover());
@@ -75,7 +95,9 @@ class Page {
       this.glass.show(look);
       this.lamps.show(look);
       this.showLamps();
-      this.looks.show(look);
+      this.world.show(look);
+      this.shown.looks.show(look);
+      this.shown.timeline.show(look);
       this.bar.show(look);
       this.stage.showLook(look);
       this.picture.suit(look.environment, look.stops);
@@ -86,6 +108,7 @@ class Page {
       this.sky.dome.showHeading(azimuth);
       this.lights.showHeading(azimuth);
       this.handles.place();
+      this.shown.see(this.welcome);
       const { shownExact, shownSequence } = this.metrics;
       if (shownExact && shownSequence === this.rig.sequence) this.picture.lit();
     });
@@ -96,6 +119,10 @@ class Page {
       { keys: ["d"], shown: "d", does: "expose darker", run: () => this.picture.brighten(-0.5) },
       { keys: ["a"], shown: "a", does: "expose for what is seen", run: () => this.picture.meter() },
       { keys: ["l"], shown: "l", does: "add a light", run: () => this.lights.addAside() },
+      { keys: ["v"], shown: "v", does: "walk through the scene, and back", run: () => this.walk() },
+      { keys: ["b"], shown: "b", does: "before and after the last step", run: () => this.shown.looks.compare(BEFORE) },
+      { keys: ["t"], shown: "t", does: "play the timeline", run: () => this.shown.timeline.toggle() },
+      { keys: ["p"], shown: "p", does: "save a picture", run: () => void this.save() },
       { keys: ["z"], shown: "z", does: "undo", run: () => this.bar.undo() },
       { keys: ["Z", "y"], shown: "Z", does: "redo", run: () => this.bar.redo() },
       { keys: ["h"], shown: "h", does: "hide everything but the scene, and back", run: () => this.hide() },
@@ -112,6 +139,7 @@ class Page {
         void this.open(message);
         break;
       case "State":
+        this.shown.note(message);
         this.state = this.unshown = message;
         this.stage.invalidate();
         break;
@@ -121,7 +149,10 @@ class Page {
         this.rig.takeBack(this.state);
         break;
       case "Compared":
-        this.other = message.light;
+        this.shown.announce(message);
+        break;
+      case "Traced":
+        this.shown.tracer.take(message);
         break;
       case "Waiting":
         this.corner.wait(message.reason ?? "");
@@ -145,10 +176,11 @@ class Page {
     const began = performance.now();
     const frame = readFrame(data);
     if (frame === null) return;
-    if (frame.aside) {
-      if (this.looks.compared !== null) this.stage.compare(this.other, frame.radiance);
+    if (frame.kind !== "light") {
+      this.shown.take(frame);
       return;
     }
+    this.shown.lit(frame);
     this.stage.take(frame);
     this.link.send({ type: "Seen", frame: frame.number });
     this.metrics.arrived(frame, performance.now() - began);
@@ -170,23 +202,25 @@ class Page {
       this.notices.opening(`Opening ${welcome.name}`);
       document.title = `${welcome.name} · Prelight`;
       found("title").replaceChildren(element("h1", {}, welcome.name), element("p", {}, summary(welcome)));
-      this.looks.stop();
       this.lights.allow(welcome.most_discs);
       this.lamps.allow(welcome.most_lamps);
       this.glass.offer(welcome.portals);
+      this.world.offer(welcome.worlds);
+      this.shown.open(welcome);
+      this.lamps.offer(welcome.takes.includes("lamps"), welcome.steered?.places ?? []);
       const takes = (what: Welcome["takes"][number]) => welcome.takes.includes(what);
       this.sky.part.hidden = this.lights.part.hidden = !takes("environment");
-      this.lamps.part.hidden = this.handles.host.hidden = !takes("lamps");
-      this.picture.indoors = takes("lamps") || takes("glass");
+      this.lamps.part.hidden = this.handles.host.hidden = !takes("lamps") && !takes("steered");
+      this.picture.indoors = welcome.takes.some((what) => what !== "environment");
       this.picture.allowIlluminance(welcome.pixels === null && welcome.eye === null);
       this.sky.offer(welcome.environments);
-      this.offerCameras(welcome);
+      this.cameras.offer(welcome);
     }
     document.documentElement.classList.toggle("picture", welcome.pixels !== null);
     this.welcome = welcome;
     this.unshown = null;
     this.rig.receive(welcome.state);
-    if (this.looks.compared !== null) this.compare(this.looks.compared); // after a lost connection
+    this.shown.reset(); // after a lost connection
     if (isSame) return;
     try {
       const geometry = await fetchGeometry((done, all) => {
@@ -210,25 +244,6 @@ class Page {
     else if (this.metrics.ready) this.notices.opening("Waiting for the first light");
   }
 
-  private offerCameras({ cameras, pixels }: Welcome): void {
-    const eyes = found("eyes");
-    const buttons = cameras.map((camera, i) => {
-      const made = button(camera.name, () => choose(camera, i), { title: `Camera ${camera.name}` });
-      made.setAttribute("aria-pressed", String(i === 0));
-      return made;
-    });
-    const mark = (chosen: number) => {
-      buttons.forEach((made, i) => made.setAttribute("aria-pressed", String(i === chosen)));
-    };
-    const choose = (camera: CameraView, i: number) => {
-      this.stage.look(camera);
-      mark(i);
-    };
-    eyes.replaceChildren(...buttons);
-    eyes.hidden = cameras.length === 0 || pixels !== null; // a picture has its own
-    if (pixels === null) this.stage.canvas.addEventListener("moved", () => mark(-1));
-  }
-
   private showLamps(): void {
     this.handles.show(this.rig.look.lamps, this.lamps.selected);
   }
@@ -245,16 +260,49 @@ class Page {
       target: place,
       intensity: Math.PI * high * high * this.picture.white,
       side,
+      white: this.picture.white,
     };
   }
 
-  private compare(look: string | null): void {
-    if (look === null) this.stage.compare(null, null);
-    else this.link.send({ type: "Compare", look });
+  private placingBar(ofLamp: boolean): HTMLElement {
+    const start = (effect: Effect, ended: () => void) => {
+      this.placesLamp.is = ofLamp;
+      if (!ofLamp || this.lamps.chooseOne()) this.placing.start(effect, ended);
+    };
+    return new PlacingBar(start, () => this.placing.stop()).row;
+  }
+
+  private place(placement: Placement): void {
+    if (this.placesLamp.is) this.lamps.effect(placement);
+    else this.lights.shineFrom(...anglesOf(placement.toward));
+  }
+
+  private walk(): void {
+    const { eye, canvas } = this.stage;
+    eye.walk(!eye.isWalking);
+    if (!eye.isWalking) return;
+    this.notices.hint("Walking: drag to look, W A S D to go, V to end", 4000);
+    canvas.focus();
+  }
+
+  private async save(): Promise<void> {
+    const picture = await this.stage.snapshot();
+    if (picture !== null) download(picture, `${document.title.split(" · ")[0] ?? "prelight"}.png`);
+  }
+
+  private record(): void {
+    if (this.filming !== null) {
+      this.filming();
+      this.filming = null;
+    } else {
+      this.filming = filmed(this.stage.canvas, "prelight", (megabytes) => this.notices.toast(`A film of ${megabytes.toFixed(1)} MB`));
+      if (this.filming === null) this.notices.toast("This browser cannot record films.");
+    }
+    this.picture.recording(this.filming !== null);
   }
 
   private showDivider(): void {
-    this.divider.show(this.looks.wipe, this.stage.freeWidth, this.looks.compared ?? "");
+    this.divider.show(this.shown.looks.wipe, this.stage.freeWidth, this.shown.looks.names);
   }
 
   private turn(degrees: number): void {
@@ -282,22 +330,13 @@ class Page {
     const shown = {
       metrics,
       pixels: () => stage.pixels(),
+      eye: () => stage.eye.camera.position.toArray(),
+      pick: (x: number, y: number) => stage.pick(x, y)?.point.toArray() ?? null,
       look: () => rig.look,
       change: (values: object, dragging: boolean) => rig.change(values, { dragging }),
     };
     Object.defineProperty(window, "__prelight", { value: shown });
   }
-}
-
-/** Two bakes of the same identity have the same geometry. */
-function identity({ name, receivers, vertices, triangles, pixels }: Welcome): string {
-  return JSON.stringify([name, receivers, vertices, triangles, pixels]);
-}
-
-function summary({ receivers, pixels, eye }: Welcome): string {
-  if (pixels !== null) return `${pixels[0]} × ${pixels[1]} pixels`;
-  const rows = `${receivers.toLocaleString("en")} vertices`;
-  return eye === null ? rows : `${rows} · highlights as camera ${eye} sees them`;
 }
 
 function found(id: string): HTMLElement {
@@ -307,7 +346,8 @@ function found(id: string): HTMLElement {
 }
 
 try {
-  new Page().start();
+  if (location.pathname === "/start") new StartPage().start();
+  else new Page().start();
 } catch (error) {
   const words = "This browser cannot draw the scene: WebGL 2 is missing or switched off.";
   found("notices").replaceChildren(element("div", { class: "veil" }, element("p", {}, words)));

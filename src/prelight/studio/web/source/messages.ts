@@ -1,6 +1,6 @@
 // Written by prelight.studio.typescript from protocol.py: change that and write this anew.
 
-export const PROTOCOL_VERSION = 2;
+export const PROTOCOL_VERSION = 3;
 export const MOST_DISCS = 32;
 export const MOST_LAMPS = 32;
 export const MOST_LOOKS = 32;
@@ -13,6 +13,14 @@ export const LARGEST_RADIUS_DEG = 90.0;
 export const FRAME_MAGIC = 827477072;
 export const FRAME_EXACT = 1;
 export const FRAME_ASIDE = 2;
+export const FRAME_VIEW = 4;
+export const FRAME_SHINE = 8;
+export const FRAME_WORLD = 16;
+export const FRAME_TRACED = 32;
+export const WORLD_WIDTH = 512;
+export const WORLD_HEIGHT = 256;
+export const MOST_KEYS = 64;
+export const MOST_TRACED = 2000000;
 export const HEADER_BYTES = 32;
 
 /** Byte offsets in the header of a radiance frame, little-endian. */
@@ -43,7 +51,7 @@ export interface DiscLight {
   softness: number;
 }
 
-/** A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot. ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target. */
+/** A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot. ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target. ``layer``: the steerable layer that it belongs to; then a spot's place is the layer's own, and a panel's ``position`` and ``size`` are parts of the layer's panel, its ``strength`` cd/m². */
 export interface LampLight {
   id: string;
   name: string;
@@ -57,6 +65,7 @@ export interface LampLight {
   radius: number;
   beam_deg: number;
   size: [number, number];
+  layer: string | null;
 }
 
 /** Where and when it is, for the environment "daylight": hours of the zone's clock, without one mean solar time. */
@@ -82,6 +91,34 @@ export interface PortalGlass {
 export interface PortalView {
   name: string;
   tint: [number, number, number];
+}
+
+/** A steerable layer: what lights may stand in it, and where it is. ``kind``: a spot or a sky takes spots, a panel or a box takes panels; ``origin`` is a spot's place. */
+export interface SteeredPlace {
+  layer: string;
+  kind: "spot" | "sky" | "panel" | "box";
+  origin: [number, number, number];
+}
+
+/** What steerable layers light: pixels of one camera's picture, whose radiance follows that of the vertices. */
+export interface SteeredView {
+  camera: CameraView;
+  width: number;
+  height: number;
+  places: SteeredPlace[];
+}
+
+/** A keyframe of the timeline: a look, and the second at which it is lit; from one to the next it fades. */
+export interface LookKey {
+  at: number;
+  look: string;
+}
+
+/** A moving world that the windows may look out on, and when it comes to rest, seconds. */
+export interface WorldView {
+  id: string;
+  title: string;
+  duration: number;
 }
 
 /** What a layer did for the last frame: how ("full", "local", "gain", …), and how long it took. */
@@ -153,6 +190,20 @@ export interface SetGlass {
   dragging?: boolean;
 }
 
+/** What is outside the windows: one of ``Welcome.worlds`` as it is at a second of its own time; null: nothing. */
+export interface SetWorld {
+  type: "SetWorld";
+  world: string | null;
+  seconds?: number;
+  dragging?: boolean;
+}
+
+/** The keyframes of looks, all of them, at times that rise. */
+export interface SetTimeline {
+  type: "SetTimeline";
+  keys: LookKey[];
+}
+
 /** Take back the last change, whoever made it. */
 export interface Undo {
   type: "Undo";
@@ -187,10 +238,32 @@ export interface OpenRig {
   text: string;
 }
 
-/** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. */
+/** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. Null: the light before the last step that can be undone. */
 export interface Compare {
   type: "Compare";
-  look: string;
+  look: string | null;
+}
+
+/** Send what depends on the eye, once, as it is seen from here: a frame flagged ``FRAME_VIEW``. */
+export interface LookFrom {
+  type: "LookFrom";
+  eye: [number, number, number];
+}
+
+/** Let the path tracer make the picture of a camera under the light as it is now: ``Traced`` and frames follow. */
+export interface Trace {
+  type: "Trace";
+  eye: [number, number, number];
+  target: [number, number, number];
+  up: [number, number, number];
+  vertical_fov_deg: number;
+  width: number;
+  height: number;
+}
+
+/** No more of it. */
+export interface StopTrace {
+  type: "StopTrace";
 }
 
 /** A radiance frame has arrived, and the next may be sent. */
@@ -199,11 +272,11 @@ export interface Seen {
   frame: number;
 }
 
-export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
+export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
 
-export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Compare | Seen;
+export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Compare | LookFrom | Trace | StopTrace | Seen;
 
-/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. */
+/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is. */
 export interface Welcome {
   type: "Welcome";
   version: number;
@@ -218,14 +291,18 @@ export interface Welcome {
   eye: string | null;
   cameras: CameraView[];
   environments: EnvironmentChoice[];
-  takes: ("environment" | "lamps" | "glass")[];
+  takes: ("environment" | "lamps" | "glass" | "steered")[];
   portals: PortalView[];
+  steered: SteeredView | null;
+  worlds: WorldView[];
+  glossy: boolean;
+  no_tracer: string | null;
   most_discs: number;
   most_lamps: number;
   state: State;
 }
 
-/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what these would do, in words; null: nothing. ``looks``: the names of what is kept. */
+/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what these would do, in words; null: nothing. ``looks``: the names of what is kept; ``timeline``: keyframes of them. ``world``: what is outside, as it is at ``seconds``; null: only the sky. */
 export interface State {
   type: "State";
   sequence: number;
@@ -239,7 +316,10 @@ export interface State {
   lamps: LampLight[];
   glass: PortalGlass[];
   stops: number | null;
+  world: string | null;
+  seconds: number;
   looks: string[];
+  timeline: LookKey[];
   undo: string | null;
   redo: string | null;
 }
@@ -254,8 +334,17 @@ export interface Refused {
 /** The light of a look, whose frame (``FRAME_ASIDE``) comes next. */
 export interface Compared {
   type: "Compared";
-  look: string;
+  look: string | null;
   light: State;
+}
+
+/** How far the path tracer is: ``share`` of its samples, at 1 it is ready; what stopped it, in a line. A frame flagged ``FRAME_TRACED`` has the picture, row by row from the top. */
+export interface Traced {
+  type: "Traced";
+  share: number;
+  samples: number;
+  seconds: number;
+  stopped: string | null;
 }
 
 /** What the studio is busy with before the first picture; null: nothing any more. */
@@ -276,4 +365,4 @@ export interface Pace {
   layers: LayerPace[];
 }
 
-export type ServerMessage = Welcome | State | Refused | Compared | Waiting | Pace;
+export type ServerMessage = Welcome | State | Refused | Compared | Traced | Waiting | Pace;

@@ -19,6 +19,10 @@ export class Metrics {
   shownSequence = -1;
   shownExact = false;
   relightMs = 0;
+  sides = false; // whether all that is compared has come
+  traced = false; // whether the path tracer has sent a picture
+  views = 0; // of what depends on the eye
+  lamps = false; // whether what steerable lamps bring is seen
   sky = ""; // of which environment the map behind the scene is
   readonly scriptMs: number[] = [];
   readonly uploadMs: number[] = [];

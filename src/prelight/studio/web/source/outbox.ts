@@ -40,6 +40,10 @@ function subject(change: Change): string | null {
       return "environment";
     case "SetSun":
       return "sun";
+    case "SetWorld":
+      return "world";
+    case "SetTimeline":
+      return "timeline";
     case "SetDisc":
     case "RemoveDisc":
       return `disc ${change.id}`;

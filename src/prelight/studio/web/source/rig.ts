@@ -1,6 +1,6 @@
 // The rig as this page shows it: what the studio said last, and what is being changed here before it answers.
 
-import type { Change, DiscLight, LampLight, PortalGlass, SetEnvironment, State, Sun } from "./messages";
+import type { Change, DiscLight, LampLight, LookKey, PortalGlass, SetEnvironment, State, Sun } from "./messages";
 import { Outbox } from "./outbox";
 
 const ANSWERED_MS = 600; // after a change of ours, the studio's echo of older ones is left alone for this long
@@ -14,7 +14,7 @@ export const DAYLIGHT = "daylight";
 const NO_SUN: Sun = { latitude_deg: 0, longitude_deg: 0, date: "2026-06-21", hour: 12, zone: null, turbidity: 2.5 };
 const DARK: Look = {
   environment: "", rotation_deg: 0, scale: 1, tint: [1, 1, 1], sun: NO_SUN, discs: [], lamps: [], glass: [],
-  stops: null, looks: [], undo: null, redo: null,
+  stops: null, world: null, seconds: 0, looks: [], timeline: [], undo: null, redo: null,
 };
 
 /** What the studio calls the sky of a look: of daylight, that of its hour. */
@@ -110,6 +110,16 @@ export class Rig {
     this.outbox.put({ type: "SetGlass", glass, dragging });
     const others = this.look.glass.filter(({ portal }) => portal !== glass.portal);
     this.changed({ ...this.look, glass: [...others, glass] });
+  }
+
+  setWorld(world: string | null, seconds: number, { dragging = false } = {}): void {
+    this.outbox.put({ type: "SetWorld", world, seconds, dragging });
+    this.changed({ ...this.look, world, seconds });
+  }
+
+  setTimeline(keys: LookKey[]): void {
+    this.outbox.put({ type: "SetTimeline", keys });
+    this.changed({ ...this.look, timeline: keys });
   }
 
   /** What only the studio can carry out: undo, looks, rig files. Its answer is shown at once. */

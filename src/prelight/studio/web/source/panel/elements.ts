@@ -132,7 +132,8 @@ export function slider(range: Range): { row: HTMLElement; show: (value: number) 
   const tell = (value: number) => {
     said.textContent = range.say(value);
     input.setAttribute("aria-valuetext", range.say(value));
-    input.style.setProperty("--share", String((Math.min(Math.max(value, least), most) - least) / (most - least)));
+    const end = Number(input.max); // which may be another by now
+    input.style.setProperty("--share", String((Math.min(Math.max(value, least), end) - least) / (end - least)));
   };
   const set = (dragging: boolean) => {
     tell(input.valueAsNumber);

@@ -28,7 +28,7 @@ export class GlassPanel {
 
   constructor(
     private readonly rig: Rig,
-    private readonly see: (through: Triple[]) => void,
+    private readonly see: (through: [number, number, number, number][]) => void,
   ) {
     this.kind = choice("Glass", KINDS, (kind) => this.change({ kind }, false));
     this.frost = slider({
@@ -120,8 +120,9 @@ function colourOf(tint: Readonly<Triple>): string {
   return `#${bytes.map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** What is seen through it: its colour, less what a blind covers; nothing where it is shut. */
-function through(portal: PortalView, glass: PortalGlass): Triple {
+/** What is seen through it: its colour, less what a blind covers; nothing where it is shut. Last: 1 where frosted. */
+function through(portal: PortalView, glass: PortalGlass): [number, number, number, number] {
   const open = glass.kind === "shut" ? 0 : 1 - glass.blind;
-  return (glass.tint ?? portal.tint).map((part) => part * open) as Triple;
+  const [red, green, blue] = (glass.tint ?? portal.tint).map((part) => part * open) as Triple;
+  return [red, green, blue, glass.kind === "frosted" ? 1 : 0];
 }

@@ -10,6 +10,7 @@ export interface Shortcut {
 }
 
 const OTHERS: [string, string][] = [
+  ["Walking", "drag to look, W A S D or arrows to go, Q E down and up"],
   ["Drag", "go around the scene"],
   ["Right drag", "move aside"],
   ["Wheel", "nearer, farther"],
@@ -28,7 +29,7 @@ export function bindKeys(shortcuts: readonly Shortcut[]): () => void {
   sheet.addEventListener("click", (event) => event.target === sheet && sheet.close());
   document.body.append(sheet);
   window.addEventListener("keydown", (event) => {
-    const isTyping = event.target instanceof HTMLInputElement && event.target.type !== "range";
+    const isTyping = (event.target instanceof HTMLInputElement && event.target.type !== "range") || event.target instanceof HTMLSelectElement;
     const isUndo = (event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z";
     if (((event.ctrlKey || event.metaKey) && !isUndo) || event.altKey || isTyping || sheet.open) return;
     const key = isUndo ? (event.shiftKey ? "Z" : "z") : event.key;

@@ -2,8 +2,9 @@
 
 import { COOLEST, NEUTRAL, WARMEST } from "../colour";
 import { fromHex, hue, kelvinOf, ofKelvin, toHex } from "../colour";
-import type { LampLight } from "../messages";
+import type { LampLight, SteeredPlace } from "../messages";
 import type { Look, Rig } from "../rig";
+import { type Placement, distanceOf } from "../view/placing";
 import { amount, button, choice, element, numberField, numbers, section, slider } from "./elements";
 
 type Kind = LampLight["kind"];
@@ -22,6 +23,8 @@ export interface Spot {
   target: Triple;
   intensity: number;
   side: number;
+  /** The radiance that is shown as white. */
+  white: number;
 }
 
 export class LampsPanel {
@@ -33,11 +36,14 @@ export class LampsPanel {
   private readonly name = element("input", { type: "text", maxlength: "60", "aria-label": "Name of the lamp" });
   private readonly controls;
   private readonly adders: HTMLButtonElement[];
+  private readonly free: HTMLElement;
+  private readonly layered = element("div", { class: "buttons layered" });
   private most = Infinity;
 
   constructor(
     private readonly rig: Rig,
     private readonly act: { place: () => Spot; chosen: () => void },
+    private readonly placing: HTMLElement,
   ) {
     this.controls = this.makeControls();
     this.tint.addEventListener("input", () => this.paint(fromHex(this.tint.value), true));
@@ -52,11 +58,20 @@ export class LampsPanel {
     const remove = button("Remove", () => this.remove(), { class: "quiet" });
     const naming = element("div", { class: "naming" }, this.name, remove);
     this.settings.append(
-      naming, kind.row, dim.row, strength.row, coloured, radius.row, beam.row, size.row, position.row, target.row,
+      naming, kind.row, placing, dim.row, strength.row, coloured, radius.row, beam.row, size.row, position.row, target.row,
     );
     this.adders = KINDS.map(([value, label]) => button(`Add ${label.toLowerCase()}`, () => this.add(value), { class: "quiet" }));
-    const buttons = element("div", { class: "buttons" }, ...this.adders);
-    this.part = section("Lamps", this.list, this.settings, buttons);
+    this.free = element("div", { class: "buttons" }, ...this.adders);
+    this.part = section("Lamps", this.list, this.settings, this.free, this.layered);
+  }
+
+  /** Where lamps may stand: anywhere, and in steerable layers. */
+  offer(isFree: boolean, places: readonly SteeredPlace[]): void {
+
+    this.free.hidden = !isFree;
+    this.layered.hidden = places.length === 0;
+    const adders = places.map((place) => button(`Add to ${place.layer}`, () => this.addTo(place), { class: "quiet" }));
+    this.layered.replaceChildren(...adders);
   }
 
   /** At most this many lamps. */
@@ -82,7 +97,8 @@ export class LampsPanel {
     kind.show(lamp.kind);
     strength.show(lamp.strength);
     const unit = strength.row.querySelector(".unit");
-    if (unit !== null) unit.textContent = UNITS[lamp.kind];
+    if (unit !== null) unit.textContent = unitOf(lamp);
+    strength.row.querySelector("input")?.setAttribute("aria-label", `At full ${unitOf(lamp)}`);
     dim.show(100 * lamp.dim);
     warmth.show(kelvinOf(lamp.color));
     this.tint.value = toHex(lamp.color);
@@ -91,10 +107,14 @@ export class LampsPanel {
     size.show(lamp.size);
     position.show(lamp.position);
     target.show(lamp.target);
-    radius.row.hidden = lamp.kind === "panel";
+    const isLayered = lamp.layer !== null;
+    kind.row.hidden = this.placing.hidden = isLayered;
+    radius.row.hidden = lamp.kind === "panel" || isLayered;
     beam.row.hidden = lamp.kind !== "spot";
     size.row.hidden = lamp.kind !== "panel";
-    target.row.hidden = lamp.kind === "lamp";
+    position.row.hidden = isLayered && lamp.kind === "spot";
+    target.row.hidden = lamp.kind === "lamp" || (isLayered && lamp.kind === "panel");
+    this.name.title = isLayered ? `Of the layer ${lamp.layer ?? ""}; place and size are parts of its panel` : "";
   }
 
   /** Put up a lamp where it is seen, as bright as suits the exposure. */
@@ -102,7 +122,7 @@ export class LampsPanel {
     const { lamps } = this.rig.look;
     if (lamps.length >= this.most) return;
     const { position, target, intensity, side } = this.act.place();
-    const id = `l${Date.now().toString(36)}${crypto.getRandomValues(new Uint16Array(1))[0]?.toString(16)}`; // in order of time
+    const id = newId();
     const label = KINDS.find(([value]) => value === kind)?.[1] ?? "Lamp";
     const numbered = lamps.filter(({ name }) => name.startsWith(label)).length + 1;
     const all = { lamp: 4 * Math.PI, spot: 1, panel: Math.PI }[kind];
@@ -110,10 +130,50 @@ export class LampsPanel {
     this.selected = id;
     this.rig.putLamp({
       id, name: `${label} ${numbered}`, kind, on: true, position, target, strength, dim: 1, color: [1, 1, 1],
-      radius: Number((side / 40).toPrecision(1)), beam_deg: 40, size: [side / 4, side / 4],
+      radius: Number((side / 40).toPrecision(1)), beam_deg: 40, size: [side / 4, side / 4], layer: null,
     });
     this.act.chosen();
     this.part.scrollIntoView({ block: "start" });
+  }
+
+  /** A light of a steerable layer: a spot aimed at what is looked at, or half of a panel. */
+  private addTo({ layer, kind, origin }: SteeredPlace): void {
+    const { lamps } = this.rig.look;
+    if (lamps.length >= this.most) return;
+    const { target, white } = this.act.place();
+    const isSpot = kind === "spot" || kind === "sky";
+    const far = Math.hypot(origin[0] - target[0], origin[1] - target[1], origin[2] - target[2]);
+    const numbered = lamps.filter((lamp) => lamp.layer === layer).length + 1;
+    const strength = kind === "spot" ? 683 * Math.PI * far * far * white : 683 * 10 * white;
+    const id = newId();
+    this.selected = id;
+    this.rig.putLamp({
+      id, name: `${layer} ${numbered}`.slice(0, 60), kind: isSpot ? "spot" : "panel", on: true,
+      position: isSpot ? [...origin] : [0.5, 0.5, kind === "box" ? 0.5 : 0], target: [...target],
+      strength: Number(strength.toPrecision(2)), dim: 1, color: [1, 1, 1], radius: 0, beam_deg: 60, size: [0.6, 0.6], layer,
+    });
+    this.act.chosen();
+  }
+
+  /** Move the chosen lamp to where its light has the effect that was clicked. */
+  effect(placement: Placement): void {
+    const { point, toward } = placement;
+    this.change((lamp) => {
+      const from = lamp.kind === "lamp" ? point.toArray() : lamp.target;
+      const known = Math.hypot(...lamp.position.map((x, i) => x - (from[i] ?? 0))) || 1;
+      const place = point.clone().addScaledVector(toward, distanceOf(placement, known));
+      const round = (values: number[]) => values.map((value) => Math.round(value * 1e4) / 1e4) as Triple;
+      return { ...lamp, position: round(place.toArray()), target: round(point.toArray()) };
+    }, false);
+  }
+
+  /** Whether the chosen lamp stands free, so that a click can place it; one is put up where there is none. */
+  chooseOne(): boolean {
+    const { lamps } = this.rig.look;
+    const chosen = lamps.find(({ id }) => id === this.selected) ?? lamps.find(({ layer }) => layer === null);
+    if (chosen === undefined) this.add("spot");
+    else this.select(chosen.id);
+    return chosen === undefined || chosen.layer === null;
   }
 
   /** Move a lamp, or what it is aimed at. */
@@ -146,7 +206,7 @@ export class LampsPanel {
       toggle.style.setProperty("--light", toHex(lamp.color));
       name.textContent = lamp.name;
       name.setAttribute("aria-pressed", String(lamp.id === this.selected));
-      said.textContent = lamp.on ? `${amount(lamp.strength * lamp.dim)} ${UNITS[lamp.kind]}` : "off";
+      said.textContent = lamp.on ? `${amount(lamp.strength * lamp.dim)} ${unitOf(lamp)}` : "off";
     });
   }
 
@@ -211,6 +271,15 @@ export class LampsPanel {
   private place(what: "position" | "target", place: number[]): void {
     if (this.selected !== null) this.move(this.selected, what, place as Triple, false);
   }
+}
+
+/** In order of time. */
+function newId(): string {
+  return `l${Date.now().toString(36)}${crypto.getRandomValues(new Uint16Array(1))[0]?.toString(16)}`;
+}
+
+function unitOf(lamp: LampLight): string {
+  return lamp.layer !== null && lamp.kind === "panel" ? "cd/m²" : UNITS[lamp.kind];
 }
 
 /** The same light in another shape: as strong, seen from where it is aimed. */

@@ -28,7 +28,7 @@ export class LightsPanel {
   private heading = 0;
   private most = Infinity;
 
-  constructor(private readonly rig: Rig) {
+  constructor(private readonly rig: Rig, placing: HTMLElement) {
     this.strip = new Strip({
       move: (disc, dragging) => rig.putDisc(disc, { dragging }),
       select: (id) => this.select(id),
@@ -41,7 +41,7 @@ export class LightsPanel {
     const remove = button("Remove", () => this.selected !== null && this.remove(this.selected), { class: "quiet" });
     const { strength, size, softness, warmth } = this.sliders;
     const coloured = element("div", { class: "with-colour" }, warmth.row, this.tint);
-    this.settings.append(strength.row, size.row, softness.row, coloured);
+    this.settings.append(placing, strength.row, size.row, softness.row, coloured);
     const buttons = element("div", { class: "buttons" }, this.add, remove);
     this.part = section("Lights in the sky", this.strip.box, this.settings, buttons);
     this.remover = remove;
@@ -72,6 +72,13 @@ export class LightsPanel {
   /** A new light beside where the eye looks. */
   addAside(): void {
     this.addAt(wrapped(this.heading + ASIDE_DEG), NEW_ELEVATION);
+  }
+
+  /** Move the chosen light, or a new one, to where it comes from this direction. */
+  shineFrom(azimuth_deg: number, elevation_deg: number): void {
+    const disc = this.rig.look.discs.find(({ id }) => id === this.selected);
+    if (disc === undefined) this.addAt(azimuth_deg, elevation_deg);
+    else this.rig.putDisc({ ...disc, azimuth_deg: wrapped(azimuth_deg), elevation_deg });
   }
 
   private addAt(azimuth_deg: number, elevation_deg: number): void {

@@ -8,6 +8,7 @@ const MOST_TOASTS = 3;
 
 export class Notices {
   private readonly toasts = element("div", { class: "toasts", role: "alert" });
+  private readonly tip = element("div", { class: "hint" });
   private readonly banner = element("div", { class: "banner" });
   private readonly veil = element("div", { class: "veil" });
   private readonly words = element("p", {});
@@ -16,7 +17,8 @@ export class Notices {
   constructor(host: HTMLElement) {
     this.veil.append(element("div", { class: "mark", "aria-hidden": "true" }), this.words, this.progress);
     this.banner.hidden = true;
-    host.append(this.veil, this.banner, this.toasts);
+    this.tip.hidden = true;
+    host.append(this.veil, this.banner, this.tip, this.toasts);
     this.opening("Opening the studio");
   }
 
@@ -26,6 +28,13 @@ export class Notices {
     this.toasts.append(toast);
     while (this.toasts.childElementCount > MOST_TOASTS) this.toasts.firstElementChild?.remove();
     window.setTimeout(() => toast.remove(), TOAST_MS);
+  }
+
+  /** What to do now, until it is done or for a while; null: nothing. */
+  hint(words: string | null, forMs = 0): void {
+    this.tip.hidden = words === null;
+    this.tip.textContent = words ?? "";
+    if (forMs > 0) window.setTimeout(() => this.tip.textContent === words && this.hint(null), forMs);
   }
 
   standing(standing: Standing): void {

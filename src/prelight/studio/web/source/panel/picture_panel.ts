@@ -20,6 +20,7 @@ export class PicturePanel {
   private readonly meaning: ReturnType<typeof choice<Meaning>>;
   private readonly top: ReturnType<typeof slider>;
   private readonly legend: Legend;
+  private readonly filmer: HTMLButtonElement;
   private readonly illuminance: HTMLElement | null;
   private meant: Meaning = "picture";
   private topLog = 3;
@@ -28,7 +29,7 @@ export class PicturePanel {
   private suited = "";
   private showsSky = true;
 
-  constructor(private readonly stage: Stage, legend: HTMLElement) {
+  constructor(private readonly stage: Stage, legend: HTMLElement, acts: { save: () => void; record: () => void }) {
     this.legend = new Legend(legend);
     this.meaning = choice<Meaning>(
       "What is shown",
@@ -59,7 +60,10 @@ export class PicturePanel {
     const exposing = element("div", { class: "with-button" }, this.exposure.row, auto);
     const looks = element("div", { class: "choices" }, this.curve.row, this.behind.row);
     const shown = element("div", { class: "choices" }, this.meaning.row);
-    this.part = section("Picture", exposing, looks, shown, this.top.row);
+    const snap = button("Save picture", () => acts.save(), { class: "quiet", title: "What is on the screen, as a PNG (P)" });
+    this.filmer = button("Record", () => acts.record(), { class: "quiet", "aria-pressed": "false", title: "Film what is on the screen" });
+    const files = element("div", { class: "buttons" }, snap, this.filmer);
+    this.part = section("Picture", exposing, looks, shown, this.top.row, files);
     this.exposure.show(0);
     this.setCurve("filmic");
     this.setBehind();
@@ -85,6 +89,12 @@ export class PicturePanel {
     if (this.byHand) return;
     this.waitsForLight = this.indoors;
     if (!this.indoors) this.expose(suggested);
+  }
+
+  /** Whether what is on the screen is filmed. */
+  recording(isOn: boolean): void {
+    this.filmer.textContent = isOn ? "Stop recording" : "Record";
+    this.filmer.setAttribute("aria-pressed", String(isOn));
   }
 
   /** Expose for what is seen. */

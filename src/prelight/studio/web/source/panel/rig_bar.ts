@@ -3,6 +3,7 @@
 import { fetchRig } from "../geometry";
 import type { Change } from "../messages";
 import type { Look } from "../rig";
+import { download } from "../recorder";
 import { button, element } from "./elements";
 
 const LARGEST_FILE = 60_000; // as the protocol has it
@@ -22,6 +23,11 @@ export class RigBar {
     const open = button("Open rig", () => this.file.click(), { class: "quiet", title: "Light as a rig file says (.toml)" });
     const save = button("Save rig", () => void this.save(), { class: "quiet", title: "This light as a file for prelight relight" });
     this.part.append(this.undoer, this.redoer, element("span", { class: "gap" }), open, save, this.file);
+    const start = document.documentElement.dataset["start"]; // where the studio has a start page
+    if (start !== undefined) {
+      const words = { class: "quiet", href: start, title: "Bake another scene, or open another bake" };
+      this.part.querySelector(".gap")?.after(element("a", words, "New"));
+    }
   }
 
   show({ undo, redo }: Look): void {
@@ -51,9 +57,7 @@ export class RigBar {
 
   private async save(): Promise<void> {
     try {
-      const address = URL.createObjectURL(await fetchRig());
-      element("a", { href: address, download: "rig.toml" }).click();
-      window.setTimeout(() => URL.revokeObjectURL(address), 10_000);
+      download(await fetchRig(), "rig.toml");
     } catch (error) {
       this.toast(error instanceof Error ? error.message : "The rig could not be saved.");
     }

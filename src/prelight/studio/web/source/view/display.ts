@@ -1,5 +1,8 @@
 // Scene-linear radiance to what a screen shows, in GLSL: the curves of images/tonemap.py, with its constants.
 
+import { type DataTexture, Matrix4 } from "three";
+import { radianceTexture } from "./textures";
+
 const MIDDLE_GREY = 0.18;
 const CONTRAST = 1.375;
 const WHITE = 16.0;
@@ -44,10 +47,26 @@ uniform highp int meaning;
 uniform float falseTop;
 uniform float share;
 uniform float wipe;
+uniform bool hasTraced;              // by the path tracer, in place of another look
+uniform sampler2D traced;
+uniform mat4 tracedFrom;
 const vec3 palette[${PALETTE.length}] = vec3[](${PALETTE.map(asVec3).join(", ")});
 
 float otherShare() {
   return wipe >= 0.0 ? step(wipe, gl_FragCoord.x) : share;
+}
+
+/* What a picture, rows from the top, shows of a place (w = 1) or a direction (w = 0) that its camera sees. */
+bool pictured(mat4 from, vec4 place, out vec2 at) {
+  vec4 clip = from * place;
+  at = vec2(0.5 + 0.5 * clip.x / clip.w, 0.5 - 0.5 * clip.y / clip.w);
+  return clip.w > 0.0 && all(greaterThanEqual(at, vec2(0.0))) && all(lessThanEqual(at, vec2(1.0)));
+}
+
+vec3 besideTraced(vec3 seen, vec4 place) {
+  vec2 at;
+  if (!hasTraced || meaning == 2 || !pictured(tracedFrom, place, at)) return seen;
+  return mix(seen, texture(traced, at).rgb, otherShare());
 }
 
 vec3 falseColour(vec3 radiance) {
@@ -104,12 +123,16 @@ export interface Display {
   falseTop: { value: number };
   share: { value: number };
   wipe: { value: number };
+  hasTraced: { value: boolean };
+  traced: { value: DataTexture };
+  tracedFrom: { value: Matrix4 };
 }
 
 /** Uniforms that every material shares. */
 export function makeDisplay(): Display {
   return {
     gain: { value: 1 }, curve: { value: CURVES.filmic }, meaning: { value: MEANINGS.picture },
-    falseTop: { value: 1000 }, share: { value: 0 }, wipe: { value: -1 },
+    falseTop: { value: 1000 }, share: { value: 0 }, wipe: { value: -1 }, hasTraced: { value: false },
+    traced: { value: radianceTexture(new Uint32Array(1), 1, 1) }, tracedFrom: { value: new Matrix4() },
   };
 }

@@ -33,11 +33,12 @@ export class Divider {
   }
 
   /** At a place from 0 to 1 of the free part of the stage, `free` pixels wide; null: hidden. */
-  show(place: number | null, free: number, other: string): void {
+  show(place: number | null, free: number, [left, right]: readonly [string, string]): void {
     this.host.hidden = place === null;
     if (place === null) return;
     [this.place, this.free] = [place, free];
-    this.right.textContent = other;
+    this.left.textContent = left;
+    this.right.textContent = right;
     this.host.style.transform = `translateX(${(place * free).toFixed(1)}px)`;
     this.grip.setAttribute("aria-valuenow", (100 * place).toFixed(0));
   }

@@ -3,6 +3,7 @@
 import { PerspectiveCamera, Spherical, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import type { CameraView } from "../messages";
+import { Walker } from "./walker";
 
 const FLIGHT_MS = 700;
 const NARROWEST = 16 / 10; // below it the field of view is widened, so that the sides of a picture stay in it
@@ -31,6 +32,7 @@ export class Eye {
   private pose: Pose = { position: new Vector3(0, 0, 1), target: new Vector3(), fov: 35 };
   private flight: { from: Pose; to: Pose; began: number } | null = null;
   private size: Size = { width: 1, height: 1, right: 0, bottom: 0 };
+  private walker: Walker | null = null;
   private sphere = { centre: new Vector3(), radius: 1 };
 
   constructor(
@@ -53,6 +55,8 @@ export class Eye {
 
   /** Go to a camera of the bake; at once the first time, or where motion is not wanted. */
   look(view: CameraView, { atOnce = false } = {}): void {
+    const walked = this.isWalking;
+    this.walk(false);
     const to = {
       position: new Vector3(...view.eye),
       target: new Vector3(...view.target),
@@ -70,6 +74,7 @@ export class Eye {
     } else {
       this.flight = { from: this.pose, to, began: performance.now() };
     }
+    if (walked) this.canvas.dispatchEvent(new Event("walked"));
     this.changed();
   }
 
@@ -77,6 +82,27 @@ export class Eye {
   resize(size: Size): void {
     this.size = size;
     this.project();
+  }
+
+  /** Walk through the scene instead of going around it, or not any more. */
+  walk(isWalking: boolean): void {
+    if (isWalking === (this.walker !== null) || (isWalking && !this.controls.enabled)) return;
+    this.flight = null;
+    if (this.walker !== null) {
+      this.controls.target.copy(this.walker.end(this.sphere.radius));
+      this.pose = { ...this.pose, target: this.controls.target.clone() };
+      this.walker = null;
+      this.controls.enabled = true;
+    } else {
+      this.controls.enabled = false;
+      this.walker = new Walker(this.canvas, this.camera, { speed: 0.35 * this.sphere.radius, changed: this.changed });
+    }
+    this.canvas.dispatchEvent(new Event("moved"));
+    this.changed();
+  }
+
+  get isWalking(): boolean {
+    return this.walker !== null;
   }
 
   /** What is looked at. */
@@ -99,9 +125,10 @@ export class Eye {
       if (t >= 1) this.flight = null;
       moves = true;
     }
-    moves = this.controls.update() || moves;
+    moves = (this.walker === null ? this.controls.update() : this.walker.step(now)) || moves;
     const distance = this.camera.position.distanceTo(this.sphere.centre);
-    this.camera.near = Math.max((distance - 1.05 * this.sphere.radius) * 0.9, distance / 2000, 1e-6);
+    const least = this.walker === null ? distance / 2000 : this.sphere.radius / 2000;
+    this.camera.near = Math.max((distance - 1.05 * this.sphere.radius) * 0.9, least, 1e-6);
     this.camera.far = distance + 1.1 * this.sphere.radius;
     this.project();
     return moves;

@@ -68,16 +68,16 @@ export class Handles {
 
   /** Put every handle where its place is seen now. */
   place(): void {
-    for (const lamp of this.lamps) this.put(this.buttons.get(lamp.id), this.seen(lamp.position));
+    for (const lamp of this.lamps) this.put(this.buttons.get(lamp.id), hasPlace(lamp) ? this.seen(lamp.position) : null);
     const chosen = this.chosen();
-    const middle = chosen ? this.seen(chosen.position) : null;
+    const middle = chosen && hasPlace(chosen) ? this.seen(chosen.position) : null;
     this.arms.forEach((arm, i) => {
-      const tip = chosen && middle ? this.tip(chosen.position, i) : null;
+      const tip = chosen?.layer === null && middle ? this.tip(chosen.position, i) : null;
       const isUseful = tip !== null && middle !== null && tip.distanceTo(middle) > NEAR_END * ARM;
       this.put(arm, isUseful ? tip : null);
       this.draw(this.lines[i], middle, isUseful ? tip : null);
     });
-    const aimed = chosen !== undefined && chosen.kind !== "lamp" ? this.seen(chosen.target) : null;
+    const aimed = chosen !== undefined && chosen.kind !== "lamp" && hasPlace(chosen) ? this.seen(chosen.target) : null;
     this.put(this.aim, aimed);
     this.draw(this.lines[AXES.length], middle, aimed);
   }
@@ -183,6 +183,7 @@ export class Handles {
       const lamp = this.lamps.find((one) => one.id === id);
       if (lamp === undefined || event.button !== 0) return;
       this.acts.select(lamp.id);
+      if (what === "position" && lamp.layer !== null) return; // it stands where its layer is
       made.setPointerCapture(event.pointerId);
       held = { id: lamp.id, place: grasp(lamp), moved: false };
       held.place(this.rays(event)); // where an arm is held
@@ -212,7 +213,7 @@ export class Handles {
   /** Arrows move over the floor as seen, page keys up and down; with Shift five times as far. */
   private key(event: KeyboardEvent, id: string | null, what: What): void {
     const lamp = this.lamps.find((one) => one.id === id);
-    if (lamp === undefined) return;
+    if (lamp === undefined || (what === "position" && lamp.layer !== null && event.key !== "Delete")) return;
     if (event.key === "Delete" || event.key === "Backspace") {
       event.preventDefault();
       this.acts.remove(lamp.id);
@@ -231,6 +232,11 @@ export class Handles {
     const to = new Vector3(...lamp[what]).addScaledVector(way, this.step * (event.shiftKey ? 5 : 1));
     this.acts.move(lamp.id, what, to.toArray() as Triple, true);
   }
+}
+
+/** Whether it has a place in the scene: a light on a panel of a steerable layer has one on that panel. */
+function hasPlace(lamp: LampLight): boolean {
+  return lamp.layer === null || lamp.kind === "spot";
 }
 
 function direction(axis: number): Vector3 {

@@ -13,7 +13,8 @@ import {
 } from "three";
 import { DISPLAY_GLSL, type Display } from "./display";
 import type { Size } from "./eye";
-import { SKY_GLSL, type SkyUniforms, radianceTexture } from "./sky";
+import { SKY_GLSL, type SkyUniforms } from "./sky";
+import { radianceTexture } from "./textures";
 
 const VERTEX = `
 precision highp float;

@@ -1,22 +1,19 @@
 // What is behind the scene: the environment's map as turned, scaled and tinted, the disc lights in front of it.
 
 import {
+  type DataTexture,
   BufferAttribute,
   BufferGeometry,
-  DataTexture,
   GLSL3,
-  LinearFilter,
   Mesh,
-  RGBFormat,
   RawShaderMaterial,
-  RepeatWrapping,
-  UnsignedInt5999Type,
   Vector3,
   Vector4,
 } from "three";
 import type { DiscLight } from "../messages";
-import { MOST_DISCS } from "../messages";
+import { MOST_DISCS, WORLD_HEIGHT, WORLD_WIDTH } from "../messages";
 import type { Look } from "../rig";
+import { radianceTexture } from "./textures";
 import { DISPLAY_GLSL, type Display } from "./display";
 
 const MAP_WIDTH = 512;
@@ -31,6 +28,8 @@ uniform vec3 skyGain[2];
 uniform float skyTurn[2];
 uniform vec3 backdrop[2];
 uniform bool showsSky;
+uniform bool hasWorld;               // what is outside as the eye sees it, in place of the map and the discs
+uniform sampler2D world;
 uniform int discCount[2];
 uniform vec4 discs[${2 * MOST_DISCS}];   // direction; depth where the edge begins
 uniform vec4 glows[${2 * MOST_DISCS}];   // radiance; depth where it ends
@@ -55,8 +54,10 @@ vec3 discsAlong(vec3 d, int first, int count) {
 vec3 sky(vec3 d) {
   if (meaning == 2) return vec3(0.0);  // illuminance is of surfaces
   if (!showsSky) return meaning != 0 ? vec3(0.0) : mix(backdrop[0], backdrop[1], smoothstep(-0.25, 0.6, d.y)) / gain;
-  vec3 radiance = skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb + discsAlong(d, 0, discCount[0]);
-  float t = otherShare();
+  vec3 radiance = hasWorld
+    ? texture(world, mapPlace(d, 0.0)).rgb
+    : skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb + discsAlong(d, 0, discCount[0]);
+  float t = hasTraced ? 0.0 : otherShare();
   if (t > 0.0) {
     vec3 other = skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb;
     radiance = mix(radiance, other + discsAlong(d, ${MOST_DISCS}, discCount[1]), t);
@@ -87,7 +88,8 @@ in vec3 direction;
 out vec4 pixel;
 void main() {
   bool metered = curve == 2;  // the meter looks at the scene alone
-  pixel = vec4(displayed(sky(normalize(direction))), metered ? 0.0 : 1.0);
+  vec3 along = normalize(direction);
+  pixel = vec4(displayed(besideTraced(sky(along), vec4(along, 0.0))), metered ? 0.0 : 1.0);
 }
 `;
 
@@ -103,6 +105,8 @@ export function makeSkyUniforms() {
     skyTurn: { value: [0, 0] },
     backdrop: { value: [new Vector3(), new Vector3()] },
     showsSky: { value: true },
+    hasWorld: { value: false },
+    world: { value: emptyMap() },
     discCount: { value: [0, 0] },
     discs: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
     glows: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
@@ -140,17 +144,20 @@ export function skyMap(data: Uint32Array<ArrayBuffer>): DataTexture {
   return radianceTexture(data, MAP_WIDTH, MAP_HEIGHT);
 }
 
-export function radianceTexture(data: Uint32Array<ArrayBuffer>, width: number, height: number): DataTexture {
-  const texture = new DataTexture(data, width, height, RGBFormat, UnsignedInt5999Type);
-  texture.internalFormat = "RGB9_E5";
-  texture.magFilter = texture.minFilter = LinearFilter;
-  texture.wrapS = RepeatWrapping;
-  texture.needsUpdate = true;
-  return texture;
-}
-
 function emptyMap(): DataTexture {
   return radianceTexture(new Uint32Array(1), 1, 1);
+}
+
+/** What is outside, as the eye sees it now; null: only the sky. */
+export function showWorld(uniforms: SkyUniforms, data: Uint32Array<ArrayBuffer> | null): void {
+  uniforms.hasWorld.value = data !== null;
+  if (data === null) return;
+  if (uniforms.world.value.image.width !== WORLD_WIDTH) {
+    uniforms.world.value.dispose();
+    uniforms.world.value = radianceTexture(data, WORLD_WIDTH, WORLD_HEIGHT);
+  }
+  (uniforms.world.value.image as { data: unknown }).data = data;
+  uniforms.world.value.needsUpdate = true;
 }
 
 /** Set the sky's uniforms to a look; `side` 1: the one to compare with. */

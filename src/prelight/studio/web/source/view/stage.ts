@@ -1,22 +1,31 @@
 // The stage: a canvas, what stands on it, and when it is drawn: only when something has changed.
 
-import { LinearSRGBColorSpace, type Mesh, NoToneMapping, Scene, Sphere, Vector3, WebGLRenderer } from "three";
-import { fetchSky, type Geometry } from "../geometry";
+import { LinearSRGBColorSpace, type Mesh, NoToneMapping, Raycaster, Scene, Sphere, Vector2, Vector3, WebGLRenderer } from "three";
+import type { Geometry } from "../geometry";
 import type { CameraView, Welcome } from "../messages";
 import type { Frame } from "../frames";
 import type { Metrics } from "../metrics";
-import { type Look, skyId } from "../rig";
+import type { Look } from "../rig";
 import { newContext } from "./context";
 import { CURVES, type Curve, MEANINGS, type Meaning, makeDisplay } from "./display";
 import { Eye } from "./eye";
 import { metered } from "./meter";
 import { PixelPicture } from "./pixels";
-import { type SkyLook, makeSky, makeSkyUniforms, showLook, skyMap } from "./sky";
-import { Surface } from "./surface";
+import { projectionOf } from "./lamp_picture";
+import { type SkyLook, makeSky, makeSkyUniforms, showLook, showWorld } from "./sky";
+import { SkyMaps } from "./sky_maps";
+import { radianceTexture } from "./textures";
+import { type Hit, Surface } from "./surface";
 import { UnfinishedPicture } from "./unfinished";
 
 const LABEL = "The scene. Arrow keys go around it, plus and minus come nearer and go away.";
 const SHARPEST = 2; // device pixels a pixel of the page, at most
+
+/** A light and what it brings. */
+export interface Lit {
+  light: SkyLook;
+  radiance: Uint32Array<ArrayBuffer>;
+}
 
 export class Stage {
   readonly canvas = document.createElement("canvas");
@@ -28,11 +37,14 @@ export class Stage {
   private readonly sky = makeSkyUniforms();
   private shown: Surface | PixelPicture | null = null;
   private waiting: Frame | null = null;
+  private newest: Frame | null = null;
+  private live: Look | null = null;
+  private held: Lit | null = null; // shown in place of what is lit
   private isWanted = false;
-  private readonly skyIds: [string, string] = ["", ""]; // of what is lit, and of the look to compare with
-  private readonly arrived: [string, string] = ["", ""];
-  private readonly wantedSkies: [string, string] = ["", ""]; // the choices that these are of
-  private isFetching = false;
+  private readonly maps = new SkyMaps(this.sky, (environment) => {
+    if (environment !== null) this.metrics.sky = environment;
+    this.invalidate();
+  });
   private covered = { right: 0, bottom: 0 };
   private wipe: number | null = null;
   private prepare: () => void = () => undefined;
@@ -71,7 +83,7 @@ export class Stage {
       const covered = geometry.coverage ?? new Uint8Array(welcome.receivers).fill(255);
       this.shown = new PixelPicture(welcome.pixels, covered, { display, sky });
     } else {
-      this.shown = new Surface(this.renderer, geometry, { display, sky });
+      this.shown = new Surface(this.renderer, geometry, { display, sky, steered: welcome.steered });
       this.eye.frame(this.shown.sphere.center, this.shown.sphere.radius);
       this.scene.add(makeSky(sky, display));
     }
@@ -83,8 +95,85 @@ export class Stage {
 
   /** A frame of radiance: shown with the next picture; a newer one replaces it. */
   take(frame: Frame): void {
+    this.newest = frame;
+    if (this.held !== null) return;
     this.waiting = frame;
     this.invalidate();
+  }
+
+  /** Show a light in place of the one that is lit, until null is given. */
+  hold(lit: Lit | null): void {
+    if (lit === this.held) return;
+    const isNew = lit?.radiance !== this.held?.radiance;
+    this.held = lit;
+    if (lit === null) {
+      this.waiting = this.newest;
+      if (this.live !== null) this.showLook(this.live);
+    } else {
+      this.waiting = null;
+      if (isNew) this.shown?.upload(lit.radiance);
+      showLook(this.sky, lit.light);
+      this.maps.need(lit.light, 0);
+    }
+    this.showView(null);
+    this.invalidate();
+  }
+
+  /** What depends on the eye; null: nothing of it. */
+  showView(view: Frame | null): void {
+    const isWanted = view !== null && this.held === null;
+    if (this.shown instanceof Surface) this.shown.showShine(isWanted ? view.shine : null);
+    showWorld(this.sky, isWanted ? view.world : null);
+    this.invalidate();
+  }
+
+  /** A picture that the path tracer made of a camera's view, to compare with; null: none. */
+  showTraced(traced: { words: Uint32Array<ArrayBuffer>; view: CameraView; width: number; height: number } | null): void {
+    this.display.hasTraced.value = traced !== null;
+    if (traced !== null) {
+      const { words, view, width, height } = traced;
+      this.display.traced.value.dispose();
+      this.display.traced.value = radianceTexture(words, width, height);
+      this.display.tracedFrom.value.copy(projectionOf(view, width, height));
+    }
+    this.invalidate();
+  }
+
+  /** The camera as it is now, of what the panel leaves free, and how many pixels that is. */
+  get viewed(): { view: CameraView; width: number; height: number } {
+    const { camera, target } = this.eye;
+    const free = { width: this.freeWidth, height: this.host.clientHeight - this.covered.bottom };
+    const upwards = Math.tan((camera.fov * Math.PI) / 360) * (free.height / this.host.clientHeight);
+    const at = (p: Vector3): [number, number, number] => [p.x, p.y, p.z];
+    const ahead = camera.position.clone().add(camera.getWorldDirection(new Vector3()).multiplyScalar(target.distanceTo(camera.position) || 1));
+    const view: CameraView = {
+      name: "here", eye: at(camera.position), target: at(ahead), up: at(camera.up),
+      vertical_fov_deg: (Math.atan(upwards) * 360) / Math.PI,
+    };
+    return { view, ...free };
+  }
+
+  /** Where the surfaces are met under a place of the page, in pixels; null where there are none. */
+  pick(x: number, y: number): Hit | null {
+    if (!(this.shown instanceof Surface)) return null;
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    const rays = new Raycaster();
+    rays.setFromCamera(new Vector2(((x - left) / width) * 2 - 1, 1 - ((y - top) / height) * 2), this.eye.camera);
+    return this.shown.hit(rays);
+  }
+
+  /** What a ray meets that begins on a surface. */
+  reach(from: Vector3, along: Vector3): Hit | null {
+    if (!(this.shown instanceof Surface)) return null;
+    return this.shown.hit(new Raycaster(from, along, 1e-4 * this.sphere.radius));
+  }
+
+  /** What is on the screen, as a PNG. */
+  snapshot(): Promise<Blob | null> {
+    this.prepare();
+    this.eye.step(performance.now());
+    this.draw();
+    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
   look(view: CameraView): void {
@@ -92,8 +181,10 @@ export class Stage {
   }
 
   showLook(look: Look): void {
+    this.live = look;
+    if (this.held !== null) return;
     showLook(this.sky, look);
-    this.needSky(look, 0);
+    this.maps.need(look, 0);
     this.invalidate();
   }
 
@@ -105,7 +196,7 @@ export class Stage {
       return;
     }
     showLook(this.sky, look, 1);
-    this.needSky(look, 1);
+    this.maps.need(look, 1);
     this.invalidate();
   }
 
@@ -118,7 +209,7 @@ export class Stage {
   }
 
   /** What each portal's glass lets through, in the order of the studio's list. */
-  setPanes(through: readonly (readonly [number, number, number])[]): void {
+  setPanes(through: readonly (readonly [number, number, number, number])[]): void {
     if (this.shown instanceof Surface) this.shown.setPanes(through);
     this.invalidate();
   }
@@ -236,6 +327,7 @@ export class Stage {
 
   private draw(): void {
     this.uploadWaiting();
+    if (this.shown instanceof Surface) this.metrics.lamps = this.shown.lamps.look(this.eye.camera.position, this.sphere.radius);
     this.renderer.render(this.scene, this.eye.camera);
     this.unfinished.begin();
     this.metrics.drew();
@@ -266,43 +358,5 @@ export class Stage {
   private placeWipe(): void {
     const free = (this.host.clientWidth - this.covered.right) * this.renderer.getPixelRatio();
     this.display.wipe.value = this.wipe === null ? -1 : this.wipe * free;
-  }
-
-  /** Ask for a map that is not there; while one is on its way only the newest of the later ones will be asked for. */
-  private needSky(look: SkyLook, side: 0 | 1): void {
-    const id = skyId(look);
-    if (id === this.skyIds[side]) return;
-    this.skyIds[side] = id;
-    this.wantedSkies[side] = look.environment;
-    if (!this.isFetching) void this.changeSkies();
-  }
-
-  private async changeSkies(): Promise<void> {
-    this.isFetching = true;
-    const known = ["", ""];
-    for (let side = this.missing(known); side !== null; side = this.missing(known)) {
-      const id = this.skyIds[side] ?? "";
-      known[side] = id;
-      try {
-        const map = skyMap(await fetchSky(id));
-        const place = side === 0 ? this.sky.map : this.sky.otherMap;
-        place.value.dispose();
-        place.value = map;
-        this.arrived[side] = id;
-        if (side === 0 && id === this.skyIds[0]) this.metrics.sky = this.wantedSkies[0];
-        this.invalidate();
-      } catch {
-        if (id === this.skyIds[side]) this.skyIds[side] = ""; // asked for again with the next change
-      }
-    }
-    this.isFetching = false;
-  }
-
-  private missing(tried: readonly string[]): 0 | 1 | null {
-    for (const side of [0, 1] as const) {
-      const id = this.skyIds[side] ?? "";
-      if (id !== "" && id !== this.arrived[side] && id !== tried[side]) return side;
-    }
-    return null;
   }
 }

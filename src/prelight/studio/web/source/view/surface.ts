@@ -6,19 +6,21 @@ import {
   DoubleSide,
   GLBufferAttribute,
   GLSL3,
-  LinearMipmapLinearFilter,
   Mesh,
   RawShaderMaterial,
-  RepeatWrapping,
-  SRGBColorSpace,
   Sphere,
-  Texture,
+  type Texture,
   Vector3,
+  Vector4,
+  type Raycaster,
   type WebGLRenderer,
 } from "three";
-import { fetchTexture, type Geometry } from "../geometry";
+import type { Geometry } from "../geometry";
+import { makeLampPicture, LAMPS_GLSL, type LampPicture } from "./lamp_picture";
+import type { SteeredView } from "../messages";
 import { DISPLAY_GLSL, type Display, MEANINGS, UNPACK_GLSL } from "./display";
 import { SKY_GLSL, type SkyUniforms } from "./sky";
+import { surfaceTexture } from "./textures";
 
 const MOST_PANES = 128;
 
@@ -35,17 +37,22 @@ out vec2 place;
 #endif
 in uint radiance;
 out vec3 light;
+#ifdef SHINES
+in vec4 shine;
+out vec3 shining;
+#endif
+out vec3 place3;
 #ifdef COMPARED
 in uint other;
 out vec3 otherLight;
 #endif
 uniform highp int meaning;
 #ifdef PANES
-uniform vec3 panes[${MOST_PANES}];
+uniform vec4 panes[${MOST_PANES}];   // what they let through; 1 where they are frosted
 uniform vec3 eye;
 in float pane;
 out float isPane;
-out vec3 through;
+out vec4 through;
 out vec3 along;
 #endif
 ${UNPACK_GLSL}
@@ -61,6 +68,10 @@ void main() {
 #ifdef COMPARED
   otherLight = unpacked(other) * colour;
 #endif
+#ifdef SHINES
+  shining = shine.rgb;
+#endif
+  place3 = position;
 #ifdef PANES
   isPane = min(pane, 1.0);
   through = panes[min(int(max(pane, 1.0) + 0.5), ${MOST_PANES}) - 1];
@@ -73,10 +84,15 @@ void main() {
 const FRAGMENT = `
 precision highp float;
 ${DISPLAY_GLSL}
+${LAMPS_GLSL}
+#ifdef SHINES
+in vec3 shining;
+#endif
+in vec3 place3;
 #ifdef PANES
 ${SKY_GLSL}
 in float isPane;
-in vec3 through;
+in vec4 through;
 in vec3 along;
 #endif
 in vec3 light;
@@ -89,22 +105,48 @@ in vec3 otherLight;
 #endif
 out vec4 pixel;
 void main() {
+  bool measured = meaning == ${MEANINGS.illuminance};
+  float t = hasTraced ? 0.0 : otherShare();
 #ifdef COMPARED
-  vec3 seen = mix(light, otherLight, otherShare());
+  vec3 seen = mix(light, otherLight, t);
 #else
   vec3 seen = light;
 #endif
 #ifdef TEXTURED
-  if (meaning != ${MEANINGS.illuminance}) seen *= texture(surface, place).rgb;
+  if (!measured) seen *= texture(surface, place).rgb;
+#endif
+#ifdef SHINES
+  bool shines = !measured;
 #endif
 #ifdef PANES
-  if (isPane > 0.5) seen = through * sky(normalize(along));
+  if (isPane > 0.5) {
+#ifdef SHINES
+    shines = shines && through.a > 0.5;
+    seen = through.a > 0.5 ? vec3(0.0) : through.rgb * sky(normalize(along));
+#else
+    seen = through.rgb * sky(normalize(along));
 #endif
-  pixel = vec4(displayed(seen), 1.0);
+  }
+#endif
+#ifdef SHINES
+#ifdef COMPARED
+  if (shines) seen = max(seen + (1.0 - t) * shining, 0.0);
+#else
+  if (shines) seen = max(seen + shining, 0.0);
+#endif
+#endif
+  if (!measured) seen += fromLamps(vec4(place3, 1.0), t);
+  pixel = vec4(displayed(besideTraced(seen, vec4(place3, 1.0))), 1.0);
 }
 `;
 
-const ANISOTROPY = 8;
+/** Where a ray meets a surface; `front`: from the side that its normal is on. */
+export interface Hit {
+  point: Vector3;
+  normal: Vector3;
+  distance: number;
+  front: boolean;
+}
 
 /** Draws vertices whose radiance changes. */
 export class Surface {
@@ -117,11 +159,22 @@ export class Surface {
   private latest: Uint32Array<ArrayBuffer> | null = null;
   private other: Uint32Array<ArrayBuffer> | null = null;
   private otherBuffer: WebGLBuffer | null = null;
+  private shineBuffer: WebGLBuffer | null = null;
+  private shine: Uint16Array<ArrayBuffer> | null = null;
+  private readonly normals: Float32Array<ArrayBuffer> | null;
+  /** What steerable lamps add, seen from their camera. */
+  readonly lamps: LampPicture;
 
-  private readonly panes = { value: Array.from({ length: MOST_PANES }, () => new Vector3(1, 1, 1)) };
+  private readonly panes = { value: Array.from({ length: MOST_PANES }, () => new Vector4(1, 1, 1, 0)) };
   private readonly eye = { value: new Vector3() };
 
-  constructor(renderer: WebGLRenderer, geometry: Geometry, { display, sky }: { display: Display; sky: SkyUniforms }) {
+  constructor(
+    renderer: WebGLRenderer,
+    geometry: Geometry,
+    { display, sky, steered }: { display: Display; sky: SkyUniforms; steered: SteeredView | null },
+  ) {
+    this.lamps = makeLampPicture(steered);
+    this.normals = geometry.normals;
     this.gl = renderer.getContext() as WebGL2RenderingContext;
     this.count = geometry.positions.length / 3;
     const { order, groups } = byTexture(geometry);
@@ -141,7 +194,7 @@ export class Surface {
     this.shape.computeBoundingSphere();
     this.sphere = used && this.shape.boundingSphere ? this.shape.boundingSphere : new Sphere();
     const seen = geometry.pane === null ? {} : { ...sky, panes: this.panes, eye: this.eye };
-    const materials = groups.map(({ texture }) => material({ ...display, ...seen }, texture, renderer));
+    const materials = groups.map(({ texture }) => material({ ...display, ...seen, ...this.lamps.uniforms }, texture, renderer));
     this.mesh = new Mesh(this.shape, materials);
     this.mesh.onBeforeRender = (_renderer, _scene, camera) => this.eye.value.setFromMatrixPosition(camera.matrixWorld);
     this.mesh.frustumCulled = false;
@@ -149,32 +202,84 @@ export class Surface {
 
   /** Show these rows from now on; the array is kept, not copied. */
   upload(radiance: Uint32Array<ArrayBuffer>): void {
-    if (radiance.length !== this.count) return;
+    if (radiance.length !== this.count + this.lamps.pixels) return;
     this.latest = radiance;
     this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffer);
-    this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance);
+    this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance, 0, this.count);
+    this.lamps.show(radiance.subarray(this.count), 0);
   }
 
-  /** What each portal's glass lets through, from the first. */
-  setPanes(through: readonly (readonly [number, number, number])[]): void {
+  /** What shines toward the eye, four half floats a vertex; null: nothing. */
+  showShine(shine: Uint16Array<ArrayBuffer> | null): void {
+    if (shine !== null && shine.length !== 4 * this.count) return;
+    const isOther = (shine === null) !== (this.shine === null);
+    this.shine = shine;
+    const { gl } = this;
+    if (isOther && shine !== null) {
+      this.shineBuffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.shineBuffer);
+      gl.bufferData(gl.ARRAY_BUFFER, 8 * this.count, gl.STREAM_DRAW);
+      const rows = new GLBufferAttribute(this.shineBuffer, gl.HALF_FLOAT, 4, 2, this.count);
+      this.shape.setAttribute("shine", rows as unknown as BufferAttribute);
+    } else if (isOther) {
+      gl.deleteBuffer(this.shineBuffer);
+      this.shineBuffer = null;
+      this.shape.deleteAttribute("shine");
+    }
+    if (shine !== null) {
+      gl.bindBuffer(gl.ARRAY_BUFFER, this.shineBuffer);
+      gl.bufferSubData(gl.ARRAY_BUFFER, 0, shine);
+    }
+    if (isOther) this.define("SHINES", shine !== null);
+  }
+
+  /** Where a ray meets the scene first, and the normal there, toward where the ray comes from. */
+  hit(rays: Raycaster): Hit | null {
+    const [first] = rays.intersectObject(this.mesh, false);
+    if (first === undefined || !first.face) return null;
+    const normal = this.normalAt(first.face, first.barycoord ?? null) ?? first.face.normal.clone();
+    const front = normal.dot(rays.ray.direction) <= 0;
+    if (!front) normal.negate();
+    return { point: first.point, normal: normal.normalize(), distance: first.distance, front };
+  }
+
+  private normalAt({ a, b, c }: { a: number; b: number; c: number }, weights: Vector3 | null): Vector3 | null {
+    const { normals } = this;
+    if (normals === null || weights === null) return null;
+    const sum = new Vector3();
+    for (const [vertex, weight] of [[a, weights.x], [b, weights.y], [c, weights.z]] as const) {
+      sum.addScaledVector(new Vector3().fromArray(normals, 3 * vertex), weight);
+    }
+    return sum.lengthSq() > 1e-6 ? sum : null;
+  }
+
+  /** What each portal's glass lets through, from the first; the fourth is 1 where it is frosted. */
+  setPanes(through: readonly (readonly [number, number, number, number])[]): void {
     through.slice(0, MOST_PANES).forEach((colour, i) => this.panes.value[i]?.set(...colour));
   }
 
   /** Rows of a look to compare with; null: no more. */
   compare(radiance: Uint32Array<ArrayBuffer> | null): void {
-    if (radiance !== null && radiance.length !== this.count) return;
+    if (radiance !== null && radiance.length !== this.count + this.lamps.pixels) return;
+    const isOther = (radiance === null) !== (this.other === null);
     this.other = radiance;
-    this.gl.deleteBuffer(this.otherBuffer);
-    this.otherBuffer = null;
     if (radiance !== null) {
-      this.otherBuffer = this.rowsBuffer("other");
-      this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance);
+      this.otherBuffer ??= this.rowsBuffer("other");
+      this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.otherBuffer);
+      this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance, 0, this.count);
+      this.lamps.show(radiance.subarray(this.count), 1);
     } else {
+      this.gl.deleteBuffer(this.otherBuffer);
+      this.otherBuffer = null;
       this.shape.deleteAttribute("other");
     }
+    if (isOther) this.define("COMPARED", radiance !== null);
+  }
+
+  private define(name: string, isSet: boolean): void {
     for (const material of this.mesh.material) {
-      if (radiance !== null) material.defines["COMPARED"] = 1;
-      else delete material.defines["COMPARED"];
+      if (isSet) material.defines[name] = 1;
+      else delete material.defines[name];
       material.needsUpdate = true;
     }
   }
@@ -183,6 +288,8 @@ export class Surface {
     this.shape.dispose();
     this.gl.deleteBuffer(this.buffer);
     this.gl.deleteBuffer(this.otherBuffer);
+    this.gl.deleteBuffer(this.shineBuffer);
+    this.lamps.dispose();
     for (const material of this.mesh.material) {
       (material.uniforms["surface"]?.value as Texture | undefined)?.dispose();
       material.dispose();
@@ -193,7 +300,13 @@ export class Surface {
   makeBuffer(): void {
     this.buffer = this.rowsBuffer("radiance");
     if (this.latest !== null) this.upload(this.latest);
-    if (this.other !== null) this.compare(this.other);
+    const { other, shine } = this;
+    this.otherBuffer = this.shineBuffer = null;
+    if (other !== null) this.compare(other);
+    if (shine !== null) {
+      this.shine = null;
+      this.showShine(shine);
+    }
   }
 
   /** A buffer for a word a row, bound, as an attribute of the shape. */
@@ -242,7 +355,7 @@ function byTexture(geometry: Geometry): { order: Uint32Array<ArrayBuffer>; group
 type Uniforms = Record<string, { value: unknown }>;
 
 function material(shared: Uniforms, texture: number | null, renderer: WebGLRenderer): RawShaderMaterial {
-  const uniforms = texture === null ? { ...shared } : { ...shared, surface: { value: picture(texture, renderer) } };
+  const uniforms = texture === null ? { ...shared } : { ...shared, surface: { value: surfaceTexture(texture, renderer) } };
   const panes = "panes" in shared ? { PANES: 1 } : {};
   return new RawShaderMaterial({
     glslVersion: GLSL3,
@@ -252,33 +365,4 @@ function material(shared: Uniforms, texture: number | null, renderer: WebGLRende
     fragmentShader: FRAGMENT,
     side: DoubleSide,
   });
-}
-
-/** A texture, white until it has arrived. Row 0 is v = 0. */
-function picture(k: number, renderer: WebGLRenderer): Texture {
-  const texture = new Texture<HTMLCanvasElement | ImageBitmap>(whitePixel());
-  texture.flipY = false;
-  texture.colorSpace = SRGBColorSpace;
-  texture.wrapS = texture.wrapT = RepeatWrapping;
-  texture.minFilter = LinearMipmapLinearFilter;
-  texture.anisotropy = Math.min(ANISOTROPY, renderer.capabilities.getMaxAnisotropy());
-  texture.needsUpdate = true;
-  void fetchTexture(k, renderer.capabilities.maxTextureSize).then((bitmap) => {
-    texture.dispose();
-    texture.image = bitmap;
-    texture.needsUpdate = true;
-    renderer.domElement.dispatchEvent(new Event("textured"));
-  });
-  return texture;
-}
-
-function whitePixel(): HTMLCanvasElement {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 1;
-  const context = canvas.getContext("2d");
-  if (context) {
-    context.fillStyle = "#fff";
-    context.fillRect(0, 0, 1, 1);
-  }
-  return canvas;
 }

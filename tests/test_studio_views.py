@@ -1,0 +1,292 @@
+"""What the studio tells a page beside its light: gloss, worlds, steerable pixels, timelines, traced pictures."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from prelight.baking.environment import bake_environment
+from prelight.baking.steerable import bake_steerable
+from prelight.baking.steerable_settings import BakedLamp, SteerableSettings
+from prelight.camera import Camera
+from prelight.errors import InputError
+from prelight.lighting.disc import Disc
+from prelight.lighting.distributions import Power
+from prelight.lighting.environment import Environment
+from prelight.lighting.rig import Rig
+from prelight.lighting.spot import Spot
+from prelight.relighting.lit_bake import LitBake
+from prelight.relighting.relighter import Relighter
+from prelight.relighting.steerable_bake import SteerableBake
+from prelight.storage.bake import Bake
+from prelight.studio import kept
+from prelight.studio.environments import Environments
+from prelight.studio.history import History
+from prelight.studio.protocol import (
+    RemoveLook,
+    SaveLook,
+    SetDisc,
+    SetEnvironment,
+    SetLamp,
+    SetTimeline,
+    SetWorld,
+    ShowLook,
+    State,
+    Trace,
+    Traced,
+)
+from prelight.studio.protocol_values import LampLight, LookKey
+from prelight.studio.rig_state import changed, initial
+from prelight.studio.rig_toml import opened_rig, rig_text
+from prelight.studio.timeline_rig import timeline_text
+from prelight.studio.tracing import Tracing
+from prelight.studio.whole_light import WholeLight, lighting_of
+from prelight.transport.basis_images import ImageSettings
+from prelight.transport.steered_lamps import SteeredSpot
+
+from .portal_rooms import portals_of, two_windows
+from .scenes import plane
+from .steered import LAMP_AT, room
+from .studio_bakes import lamps_bake
+from .test_gloss_layer import golden_ball
+from .test_studio_rgb9e5 import unpacked
+
+EYE = (0.5, 1.5, 2.0)
+LAMP = LampLight(
+    "l0", "Lamp", "lamp", True, (0.4, 1.5, 0.3), (0.0, 0.0, 0.0), 4000.0, 1.0, (1.0, 0.9, 0.8), 0.05, 40.0, (0.5, 0.5)
+)  # fmt: skip
+
+
+def rig(*changes, start: State | None = None) -> State:
+    state = start or initial("stock:noon")
+    for change in changes:
+        state = changed(state, change, author=1)
+    return state
+
+
+def lit(light, state: State) -> np.ndarray:
+    light.relight(state, exact=True, check=lambda: None)
+    return unpacked(np.frombuffer(light.frame(state), np.uint32, offset=32))
+
+
+def test_gloss_is_the_relighters_whatever_was_lit_before(tmp_path) -> None:
+    """A turned and tinted map with its traced sun, and two lights: a broad one, and one that is traced."""
+    bake = bake_environment(
+        golden_ball(), tmp_path / "ball.prelight", resolution=32, glossy_order=6, bounces=0
+    )
+    broad = Disc.at(-120, 40, radius_deg=10, radiance=(6, 5, 4))
+    small = Disc.at(30, 60, radius_deg=0.5, radiance=(900, 800, 700))
+    first = SetDisc("a", -120.0, 40.0, 10.0, (6.0, 5.0, 4.0))
+    second = SetDisc("b", 30.0, 60.0, 0.5, (900.0, 800.0, 700.0))
+    light, other = lighting_of(bake, Environments()), Relighter(bake)
+    for turn, tint, some in (
+        (40.0, (1.0, 0.6, 0.3), (first, second)),
+        (10.0, (1.0, 1.0, 1.0), (first,)),
+        (40.0, (0.5, 0.5, 0.5), ()),
+    ):
+        state = rig(SetEnvironment(rotation_deg=turn, tint=tint), *some)
+        lit(light, state)
+        seen = light.view(state, EYE)
+        discs = [broad, small][: len(some)]
+        other.environment = (
+            Environment.stock("noon")
+            .rotated(turn)
+            .tinted(tint)
+            .with_discs([*Environment.stock("noon").rotated(turn).tinted(tint).discs, *discs])
+        )
+        expected = other.glossy(EYE)
+        assert seen.world is None
+        assert seen.shine is not None
+        assert expected is not None
+        assert np.abs(expected).max() > 0.01
+        # Map and lights are mirrored each by itself, and each is cut off at 0.
+        assert np.abs(seen.shine[:, :3] - expected).max() < 0.03 * np.abs(expected).max()
+
+
+def town(folder: Path) -> Path:
+    """A wall that comes nearer to the left window, facing the way it goes."""
+    wall = folder / "wall.obj"
+    wall.write_text("v -4 -4 0\nv 4 -4 0\nv 4 4 0\nv -4 4 0\nf 1 2 3 4\nf 4 3 2 1\n")
+    file = folder / "town.toml"
+    file.write_text(
+        "[environment]\nmap = 'stock:noon'\n\n[outside]\n[[outside.object]]\nscene = 'wall.obj'\n"
+        "position = [-9, 1, 2]\nkeys = [{ at = 4, position = [-1, 1, 2] }]\n"
+    )
+    return file
+
+
+def test_a_world_outside_lights_the_room_and_is_seen_through_its_windows(tmp_path) -> None:
+    portals_of(two_windows(), tmp_path / "room.prelight")
+    bake, known = Bake.open(tmp_path / "room.prelight"), Environments([str(town(tmp_path))])
+    (view,) = known.worlds.views
+    assert (view.id, view.title, view.duration) == ("town.toml", "town", 4.0)
+    light, other = WholeLight(bake, known), LitBake(bake)
+    state = rig(SetEnvironment("stock:noon"))
+    open_air = lit(light, state)
+    wholes = []
+    for seconds in (0.0, 4.0):
+        state = rig(SetWorld("town.toml", seconds), start=state)
+        found = lit(light, state)
+        other.light(
+            replace(Rig(Environment.stock("noon")), outside=known.worlds.open("town.toml"), seconds=seconds)
+        )
+        assert np.abs(found - other.irradiance).max() < 2.0**-8 * open_air.max()
+        wholes.append(found.sum())
+        world = light.view(state, (2.0, 1.5, 2.5)).world
+        assert world is not None
+        wholes.append(unpacked(world).reshape(256, 512, 3)[100:156, 100:156].sum())  # to the left
+    assert wholes[2] < 0.97 * wholes[0], "a wall at the window takes its light"
+    assert wholes[3] != wholes[1]
+    text = rig_text(state, known, takes=("environment", "glass"), title="x")
+    assert opened_rig(text, initial("stock:noon"), known).world == "town.toml"
+    saved = tmp_path / "rig.toml"
+    saved.write_text(text)
+    assert Rig.open(str(saved)).outside == known.worlds.open("town.toml")
+    with pytest.raises(InputError, match="command line"):
+        opened_rig(text, initial("stock:noon"), Environments())
+    with pytest.raises(InputError, match="expected one of"):
+        known.worlds.open("city.toml")
+
+
+def test_steerable_pixels_follow_the_vertices_of_a_frame(tmp_path) -> None:
+    images = ImageSettings(20, 14, samples=16, particles=8, depth=3)
+    settings = SteerableSettings((BakedLamp("key", SteeredSpot(LAMP_AT, 3)),), images=images, keep="all")
+    bake = bake_steerable(room(), tmp_path / "room.prelight", settings=settings)
+    light = lighting_of(bake, Environments())
+    spot = replace(
+        LAMP,
+        kind="spot",
+        layer="key",
+        position=LAMP_AT,
+        target=(0.1, 0.2, 0.0),
+        beam_deg=90.0,
+        strength=683.0,
+    )
+    state = rig(SetLamp(spot))
+    found = lit(light, state)
+    vertices = len(bake.receivers)
+    assert len(found) == light.rows == vertices + 20 * 14
+    assert not found[:vertices].any()
+    other = SteerableBake(bake)
+    other.light([Spot((1.0, 0.9, 0.8), target=(0.1, 0.2, 0.0), distribution=Power.of_width(90), layer="key")])
+    expected = np.maximum(other.radiance, 0)
+    assert expected.max() > 0.01
+    assert np.abs(found[vertices:] - expected).max() < 2.0**-8 * expected.max()
+    dark = rig(SetLamp(replace(spot, on=False)))
+    assert not lit(light, dark).any()
+    text = rig_text(state, Environments(), takes=("steered",), title="x")
+    (again,) = opened_rig(text, initial("stock:noon"), Environments()).lamps
+    assert (again.layer, again.kind, again.beam_deg, again.target) == ("key", "spot", 90.0, (0.1, 0.2, 0.0))
+    with pytest.raises(InputError, match="Lamp"):
+        rig(SetLamp(replace(spot, kind="panel", size=(5.0, 5.0), position=(9.0, 0.0, 0.0))))
+
+
+def two_looks() -> History:
+    history = History(rig(SetLamp(LAMP)), (), opened=lambda _text, state: state)
+    history.obey(SaveLook("One"), author=1)
+    history.obey(SetLamp(replace(LAMP, dim=0.5)), author=1)
+    history.obey(SetLamp(replace(LAMP, id="l1", position=(-0.6, 1.2, 0.2), color=(0.5, 0.8, 1.0))), author=1)
+    history.obey(SaveLook("Two"), author=1)
+    history.obey(SetTimeline((LookKey(1.0, "One"), LookKey(3.0, "Two"))), author=1)
+    return history
+
+
+def test_a_timeline_as_a_rig_is_the_cross_fade(tmp_path, tmp_path_factory) -> None:
+    bake, known, history = Bake.open(lamps_bake(tmp_path_factory)), Environments(), two_looks()
+    text = timeline_text(history.state, history.looks, known, takes=("environment", "lamps"), title="x")
+    file = tmp_path / "line.toml"
+    file.write_text(text)
+    moving, light = Rig.open(str(file)), LitBake(bake)
+    ends = []
+    for seconds in (0.0, 1.0, 3.0, 9.0):
+        light.light(moving.at(seconds))
+        ends.append(light.irradiance)
+    assert np.array_equal(ends[0], ends[1])
+    assert np.array_equal(ends[2], ends[3])
+    other = WholeLight(bake, known)
+    for end, name in ((ends[1], "One"), (ends[2], "Two")):
+        assert np.abs(lit(other, history.look(name)) - end).max() < 0.01 * end.max()
+    light.light(moving.at(1.5))
+    assert np.abs(light.irradiance - (0.75 * ends[1] + 0.25 * ends[2])).max() < 0.01 * ends[1].max()
+    history.obey(SetEnvironment("stock:sunset"), author=1)
+    history.obey(SaveLook("Two"), author=1)
+    with pytest.raises(InputError, match="different skies"):
+        timeline_text(history.state, history.looks, known, takes=("environment", "lamps"), title="x")
+
+
+def test_timelines_are_kept_checked_and_lose_forgotten_looks(tmp_path) -> None:
+    history = two_looks()
+    with pytest.raises(InputError, match="rise"):
+        history.obey(SetTimeline((LookKey(1.0, "One"), LookKey(1.0, "Two"))), author=1)
+    with pytest.raises(InputError, match="not kept"):
+        history.obey(SetTimeline((LookKey(1.0, "Three"),)), author=1)
+    kept.save(history.state, tmp_path / "s.json", looks=history.looks)
+    state, looks = kept.load(tmp_path / "s.json", initial("stock:noon"))
+    assert state.timeline == history.state.timeline
+    assert [name for name, _ in looks] == ["One", "Two"]
+    assert history.before.timeline == ()
+    history.obey(ShowLook("One"), author=1)
+    assert len(history.before.lamps) == 2
+    history.obey(RemoveLook("Two"), author=1)
+    assert history.state.timeline == (LookKey(1.0, "One"),)
+
+
+def test_the_path_tracer_sees_a_white_floor_under_a_white_sky(tmp_path) -> None:
+    """Known answer: a floor of albedo 0.8 under radiance 1 has radiance 0.8, and around it is the sky."""
+    pytest.importorskip("mitsuba", reason="the renderer is not installed")
+    from prelight.checking.on_screen import ScreenTracer
+
+    bake = bake_environment(plane(6), tmp_path / "plane.prelight", resolution=8, bounces=0)
+    rig_ = Rig(Environment.constant((1.0, 1.0, 1.0)))
+    above = Camera((0.0, 3.0, 0.01), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 60.0)
+    tracer = ScreenTracer(bake, rig_, above, width=24, height=16)
+    counts = []
+    picture = np.zeros((16, 24, 3))
+    for samples, mean in tracer.pictures(48):
+        counts.append(samples)
+        picture = mean.reshape(16, 24, 3)
+    assert counts == list(range(1, 49))
+    assert picture[5:11, 8:16].mean() == pytest.approx(0.8, rel=0.01)
+    assert picture[:, 0].mean() == pytest.approx(1.0, abs=1e-3)
+    with pytest.raises(InputError, match="nothing shines"):
+        ScreenTracer(bake, Rig(Environment.dark()), above, width=8, height=8)
+
+
+def test_tracing_tells_how_far_it_is_and_ends_when_it_is_asked_to(tmp_path_factory) -> None:
+    told: list[tuple[Traced, bytes | None]] = []
+    goes_on, ended = threading.Event(), threading.Event()
+
+    def pictures(_bake, _rig, _camera, size, samples):
+        try:
+            for n in range(1, samples + 1):
+                yield n, np.full((size[0] * size[1], 3), float(n), np.float32)
+                goes_on.wait(10)
+        finally:
+            ended.set()
+
+    bake = Bake.open(lamps_bake(tmp_path_factory))
+    tracing = Tracing(
+        bake, Environments(), pictures=pictures, tell=lambda _v, said, data: told.append((said, data))
+    )
+    wanted = Trace((0.0, 1.0, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 40.0, 32, 18)
+    tracing.start(wanted, initial("stock:noon"), takes=("environment", "lamps"), visitor=1)
+    while not (told and told[-1][1]):
+        ended.wait(0.02)
+    assert (told[-1][0].samples, told[-1][0].stopped) == (1, None)
+    assert len(told[-1][1] or b"") == 32 + 4 * 32 * 18
+    tracing.stop(2)  # somebody else's wish
+    tracing.stop(1)
+    goes_on.set()
+    assert ended.wait(10)
+    tracing.close()
+    assert told[-1][0].stopped == "stopped"
+    with pytest.raises(InputError, match="pixels"):
+        tracing.start(replace(wanted, width=4096, height=4096), initial("stock:noon"), takes=(), visitor=1)
+    none = Tracing(bake, Environments(), pictures=None, tell=lambda *_: None)
+    assert "Mitsuba" in (none.missing or "")
+    with pytest.raises(InputError, match="not installed"):
+        none.start(wanted, initial("stock:noon"), takes=(), visitor=1)
