@@ -134,7 +134,7 @@ def test_ctrl_c_and_sigterm_of_the_command(tmp_path):
     """P10: stops within five seconds, says how to go on, exit codes 130 and 143."""
     mesh, target = write_ply(tmp_path / "ball.ply", ball_on_floor()), tmp_path / "ball.prelight"
     command = [sys.executable, "-c", "from prelight.cli.main import main; main()", "bake", "environment"]
-    command += [str(mesh), "-o", str(target), "--resolution", "64", "--tolerance", "0.001"]
+    command += [str(mesh), "-o", str(target), "--resolution", "128", "--tolerance", "0.0005"]
     journal, done = partial_folder(target) / "journal.jsonl", 0
     for stop, code, more in ((signal.SIGINT, 130, []), (signal.SIGTERM, 143, ["--resume"])):
         with subprocess.Popen(

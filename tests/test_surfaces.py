@@ -13,7 +13,7 @@ from prelight.errors import InputError
 from prelight.images.tonemap import srgb_decode
 from prelight.material import Material
 from prelight.rays.mitsuba import Occluders
-from prelight.rays.surfaces import SurfaceScene, _index_of_refraction
+from prelight.rays.surfaces import SurfaceScene, index_of_refraction
 from prelight.scene.geometry import Scene
 from prelight.transport.eye import SeenPoints, vertex_points
 from prelight.transport.viewed import ViewedTransfer
@@ -122,7 +122,7 @@ def test_green_is_roughness_and_blue_is_metal():
 
 @pytest.mark.parametrize(("specular", "ior"), [(1.0, 1.5), (0.5, 1.5), (1.0, 1.33), (0.0, 1.5), (1.0, 3.0)])
 def test_a_dielectric_reflects_what_its_index_and_specular_say(specular, ior):
-    n = _index_of_refraction(Material(specular=specular, ior=ior))
+    n = index_of_refraction(Material(specular=specular, ior=ior))
     assert ((n - 1) / (n + 1)) ** 2 == pytest.approx(specular * ((ior - 1) / (ior + 1)) ** 2, abs=1e-8)
 
 

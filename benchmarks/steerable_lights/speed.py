@@ -23,7 +23,7 @@ from prelight.relighting.vector_code import prefetch
 
 SIZE, COMPONENTS, COPIES, ROUNDS = (512, 512), 20, 8, 160
 REST = (
-    0.03  # seconds after a product by BLAS, whose threads wait busily and would be measured with what follows
+    0.2  # seconds after a product by BLAS, whose threads wait busily and would be measured with what follows
 )
 _AHEAD = 10_000  # bytes
 
@@ -64,8 +64,12 @@ def _plain_all(values, threads):
     return total
 
 
-def _interleaved(work: dict[str, Callable[[int], object]], rounds: int, *, rest: float) -> dict[str, dict]:
-    """Milliseconds of each, one after the other, so that a busy moment meets all alike: median and tenths.
+def _interleaved(
+    work: dict[str, Callable[[int], object]], rounds: int, *, rest: float = 0.0, at_once: int = 1
+) -> dict[str, dict]:
+    """Milliseconds of each, in turn, so that a busy moment meets all alike: median and tenths.
+
+    ``at_once``: so many of each, after a rest of seconds; of several the first, which wakes threads, does not count.
 
     Of one thread the processor's time, which a busy machine hardly disturbs.
     """
@@ -75,10 +79,12 @@ def _interleaved(work: dict[str, Callable[[int], object]], rounds: int, *, rest:
         one(0)
     for n in range(rounds):
         for name, one in work.items():
-            started = clock()
-            one(n)
-            taken[name].append(1e3 * (clock() - started))
-        time.sleep(rest)
+            for again in range(at_once):
+                started = clock()
+                one(n * at_once + again)
+                if again or at_once == 1:
+                    taken[name].append(1e3 * (clock() - started))
+            time.sleep(rest)
     return {
         name: {
             "median": statistics.median(each), "tenth": float(np.percentile(each, 10)),
@@ -124,8 +130,8 @@ def relighting() -> dict:
         "read": lambda n: _read_all(flat[(n + 3) % COPIES], threads),
         "read_plainly": lambda n: _plain_all(flat[(n + 5) % COPIES], threads),
     }
-    alone = _interleaved(work, ROUNDS, rest=0.0)
-    beside = _interleaved({"sum": ours, "dense": product}, ROUNDS // 2, rest=REST)
+    alone = _interleaved(work, ROUNDS)
+    beside = _interleaved({"sum": ours, "dense": product}, 12, rest=REST, at_once=12)
     read, bare = planes.bytes.nbytes + planes.scales.nbytes, planes.bytes.nbytes
     large = read_bandwidth(size=256_000_000, repeats=5)
     at_median = {name: each["median"] for name, each in alone.items()}

@@ -219,7 +219,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="where a bake is kept: 60 MB")
     parser.add_argument("--name", default="2-core", help="of this machine, in the results")
     parser.add_argument("--detail", type=float, default=1.23, help="of the room: 1.23 has 45,000 vertices")
-    parser.add_argument("--rays", type=int, default=1024, help="gathered from each vertex")
+    parser.add_argument("--rays", type=int, default=1600, help="gathered from each vertex")
     parser.add_argument("--entries", type=int, default=TransferSettings().entries)
     parser.add_argument("--modes", type=int, default=TransferSettings().modes)
     parser.add_argument(

@@ -12,7 +12,7 @@ from .first_bounce import MOST_ENTRIES
 from .later_bounces import MOST_MODES
 
 LEAST_MEMORY = 500_000_000
-GATHER_RAYS = 1024
+GATHER_RAYS = 1600
 MOST_GATHER_RAYS = 1 << 14
 TRIALS = 248  # lights that modes are found from
 HELD_OUT = 16  # others, that errors are measured on
@@ -62,7 +62,7 @@ class TransferSettings:
             if not (isinstance(value, int) and not isinstance(value, bool) and least <= value <= most):
                 raise InputError(name, f"{value!r}, expected a whole number from {least} to {most}")
         if math.isqrt(self.gather_rays) ** 2 != self.gather_rays:
-            what = f"{self.gather_rays}, expected a square number such as 256, 1024 or 4096"
+            what = f"{self.gather_rays}, expected a square number such as 256, 1600 or 4096"
             raise InputError("gather-rays", what)
         if self.memory is not None and self.memory < LEAST_MEMORY:
             what = f"{self.memory / 1e9:.2f} GB, a bake needs at least {LEAST_MEMORY / 1e9} GB"

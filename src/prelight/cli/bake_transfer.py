@@ -19,7 +19,7 @@ def transfer(
     /,
     *,
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
-    gather_rays: Annotated[int, _NUMBER] = 1024,
+    gather_rays: Annotated[int, _NUMBER] = 1600,
     entries: Annotated[int, _NUMBER] = 224,
     operator_bounces: Annotated[int, _NUMBER] = 2,
     modes: Annotated[int, _NUMBER] = 124,
