@@ -26,7 +26,7 @@ LANES = 1 << 17  # paths of a launch
 MOST_SAMPLES = 1 << 16  # a pixel
 _PARTICLES = 1 << 15
 _WIDE = 0.1  # of a scene's diagonal, a panel's side
-_EYE, _LAMP, _SEEN = 1, 2, 3  # stages of randomness
+_EYE, _LAMP, _SEEN, _MIRRORED = 1, 2, 3, 4  # stages of randomness
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ class BasisTracer:
         from .box_paths import paths_of
         from .eye_paths import PathRules
         from .light_tracing import LightPaths
+        from .mirrored_lamp import mirrored_lamp
 
         self.lamp, self.settings = lamp, settings
         surfaces = surfaces or SurfaceScene(scene)
@@ -142,6 +143,14 @@ class BasisTracer:
                 light.see(settings.samples, seed=stage_seed(settings.seed, _SEEN, 0))
         rules = PathRules(settings.depth, least, self._light is not None, rules.by_chance)
         self._eye = paths_of(surfaces, lamp, camera, rules=rules, **frame)
+        self._mirrored = None
+        if not wide:
+            self._mirrored = mirrored_lamp(
+                surfaces, lamp, camera, size=(settings.width, settings.height), rules=rules,
+                samples=settings.samples, seed=stage_seed(settings.seed, _MIRRORED, 0),
+            )  # fmt: skip
+        if self._mirrored is not None:
+            self._eye.leave_mirrored(self._mirrored.pixels)
         self._shape = span_shape(lamp)
         self.left_out = () if wide else _left_out(surfaces, lamp, settings, from_lamp=self.traces_from_lamp)
 
@@ -175,11 +184,34 @@ class BasisTracer:
                 samples, (records.carried, records.left), records.counts, self._shape, chosen,
                 mean, own, pose, pose_own,
             )  # fmt: skip
+            self._add_mirrored(at, chosen, TracedRows(mean, own, pose, pose_own))
             kept = slice(max(at, first), min(end, first + count))
             here, there = (slice(kept.start - k, kept.stop - k) for k in (first, at))
             images[here], variance[here] = mean[there], own[there]
             posed[here], posed_variance[here] = pose[there], pose_own[there]
         return TracedRows(images, variance, posed, posed_variance)
+
+    def _add_mirrored(
+        self, first: int, weights: Float64[np.ndarray, "poses functions"], rows: TracedRows
+    ) -> None:
+        """Add the lamp's own image in mirrors to rows of pixels from ``first`` on."""
+        mirrored, S = self._mirrored, self.lamp.functions
+        if mirrored is None:
+            return
+        pixels = mirrored.pixels[slice(*np.searchsorted(mirrored.pixels, [first, first + len(rows.images)]))]
+        for k in range(0, len(pixels), mirrored.at_once):
+            some = pixels[k : k + mirrored.at_once]
+            records = mirrored.trace(some, seed=stage_seed(self.settings.seed, _MIRRORED, 1 + int(some[0])))
+            mean, own = np.empty((len(some), 3, S), np.float32), np.empty((len(some), S), np.float32)
+            pose, pose_own = np.zeros((2, len(some), len(weights), 3))
+            add_pixels(
+                mirrored.samples, (records.carried, records.left), records.counts, self._shape, weights,
+                mean, own, pose, pose_own,
+            )  # fmt: skip
+            rows.images[some - first] += mean
+            rows.variance[some - first] += own
+            rows.posed[some - first] += pose
+            rows.posed_variance[some - first] += pose_own
 
     def nothing(self, *, poses: int = 0) -> TracedRows:
         """Pictures of all pixels to which nothing has come yet."""

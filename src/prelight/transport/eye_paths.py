@@ -7,7 +7,7 @@ light left the lamp, so that every function of these can be multiplied to it aft
 Paths are parted by class, after their vertices seen from the lamp L to the eye E, S a mirror or clear glass, D what
 scatters: **L S⁺ D … D E** is left to `light_tracing`, which finds it easily; **L S⁺ D … S⁺ E** (light through
 glass, seen in a mirror) neither direction finds well: `seen_in_glass` joins the two, or, from the eye, a lamp of some
-size is met by chance.
+size is met by chance. **L S⁺ E** takes many more paths than the rest: `mirrored_lamp` makes those of some pixels.
 """
 
 from __future__ import annotations
@@ -93,8 +93,15 @@ class EyePaths:
         self._leaves = 1 if isinstance(lamp, SteeredSky) else -1  # a sky's directions are those toward it
         self._view = PinholeRays(self.mi, camera, width=width, height=height)
         self._sampler: Any = None
+        self._apart = dr.zeros(self.mi.Bool, width * height)
         self._slots = 2 * rules.depth
         self._loop = dr.syntax(type(self)._walk)
+
+    def leave_mirrored(self, pixels: np.ndarray) -> None:
+        """Leave L S⁺ E out of these pixels: somebody else traces it."""
+        apart = np.zeros(self._view.width * self._view.height, bool)
+        apart[pixels] = True
+        self._apart = self.mi.Bool(apart)
 
     def trace(self, first_pixel: int, pixels: int, *, samples: int, seed: int) -> EyeRecords:
         """``samples`` paths through each of some pixels, those of a pixel side by side."""
@@ -112,7 +119,8 @@ class EyePaths:
         cells = self._cells(
             lane - (lane // dr.opaque(mi.UInt32, samples)) * dr.opaque(mi.UInt32, samples), samples
         )
-        counts = self._loop(self, ray, cells, Notes(mi, lane, lanes, carried, left))
+        notes = Notes(mi, lane, lanes, carried, left, dr.gather(mi.Bool, self._apart, pixel))
+        counts = self._loop(self, ray, cells, notes)
         dr.eval(counts, carried, left)
         dr.sync_thread()
         used = int(dr.max(counts)[0])
@@ -174,7 +182,7 @@ class EyePaths:
             chance = scene.pdf_emitter_direction(before, ds, hit_lamp & ~by_mirror)
             share = dr.select(by_mirror, 1, self._of_met(pdf, chance))
             through = by_mirror & scattered  # L S⁺ D …
-            ours = ~through | self._keeps(first_scatters)
+            ours = dr.select(scattered, ~through | self._keeps(first_scatters), ~notes.apart)
             counts = hit_lamp & ~seen & ours & (met + 1 <= most) & (met + 1 >= least)
             brought = carry * lamp.eval(si, counts) * share
             slot += notes.write(slot, brought, self._leaves * ray.d, self._place(si.p), counts)
@@ -338,11 +346,15 @@ def place_on(mi: Any, lamp: SteeredLamp, p: Any) -> tuple[Any, Any]:
 
 
 class Notes:
-    """Where paths write: every lane in its own column, so that nothing is ever added up at random."""
+    """Where paths write: every lane in its own column, so that nothing is ever added up at random.
 
-    def __init__(self, mi: Any, lane: Any, lanes: int, carried: Any, left: Any) -> None:
+    ``apart``: lanes that do not bring the lamp's own image in mirrors.
+    """
+
+    def __init__(self, mi: Any, lane: Any, lanes: int, carried: Any, left: Any, apart: Any = False) -> None:
         import drjit as dr
 
+        self.apart = apart
         self._mi, self.lane, self._lanes = mi, lane, dr.opaque(mi.UInt32, lanes)
         self._carried, self._left = carried, left
 
