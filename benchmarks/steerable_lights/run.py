@@ -60,6 +60,7 @@ def one_pass(setting: Setting) -> dict[str, Any]:
         setting.traced(tracer), picture()
         for _ in range(ROUNDS):
             total = tracer.nothing()
+            tracer._image = None  # the lamp in mirrors, which is kept: it is to be counted each time
             eye.append(seconds(lambda t=tracer: t.pixels(0, t.settings.pixels)))
             lamp.append(
                 seconds(lambda t=tracer, n=total: [t.add_batch(b, n) for b in range(t.batches)] and None)

@@ -19,6 +19,7 @@ from .steerable_settings import BakedLamp, SteerableSettings
 _PROCESS_BYTES = 420_000_000  # Python, the renderer and its compiler, and the records of a launch; measured
 _BYTES_PER_TRIANGLE = 260  # of the renderer's trees
 _PILOT_TILES = 3
+_CHAIN = 0.33  # what a chain of mirrors takes, of a path from the eye
 _BYTES_PER_DEEP = 100  # of a sample whose first bounce is kept apart, while it is written
 _DEEP_ON_DISK = 16
 _USUAL_SHARE = 0.35  # of the basis lights that the paper's rule keeps: 12 of 36, 20 of 81, 50 of 400
@@ -101,10 +102,12 @@ def plan_steerable(scene: Scene, settings: SteerableSettings) -> SteerablePlan:
     seconds, paths, notes = 0.0, 0, []
     for lamp in settings.lamps:
         tracer = BasisTracer(scene, lamp.lamp, camera, settings=images, surfaces=surfaces)
+        chains = tracer.leave_mirrored()
         launch = max(1, LANES // images.samples)
         launches = math.ceil(images.pixels / launch)
-        seconds += launches * _pace(lambda k, t=tracer, n=launch: _pilot(t, k, n, images.pixels), launches)
-        paths += images.pixels * images.samples
+        from_eye = launches * _pace(lambda k, t=tracer, n=launch: _pilot(t, k, n, images.pixels), launches)
+        seconds += from_eye * (1 + _CHAIN * chains / (images.pixels * images.samples))
+        paths += images.pixels * images.samples + chains
         if tracer.batches:
             nothing = tracer.nothing()
             seconds += tracer.batches * _pace(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from .span_kernels import add_pixels, add_splats, span_shape
 from .steered_lamps import SteeredBox, SteeredLamp, SteeredPanel, SteeredSky
+
+if TYPE_CHECKING:
+    from .mirrored_lamp import MirroredLamp
 
 Report = Callable[[float], None]
 
@@ -149,6 +153,7 @@ class BasisTracer:
                 surfaces, lamp, camera, size=(settings.width, settings.height), rules=rules,
                 samples=settings.samples, seed=stage_seed(settings.seed, _MIRRORED, 0),
             )  # fmt: skip
+        self._image: tuple[np.ndarray, TracedRows] | None = None  # of some weights
         if self._mirrored is not None:
             self._eye.leave_mirrored(self._mirrored.pixels)
         self._shape = span_shape(lamp)
@@ -157,6 +162,12 @@ class BasisTracer:
     @property
     def traces_from_lamp(self) -> bool:
         return self._light is not None
+
+    def leave_mirrored(self) -> int:
+        """Leave the lamp's own image out from now on, for a trial; how many chains of mirrors it would have taken."""
+        chains = 0 if self._mirrored is None else len(self._mirrored.pixels) * self._mirrored.samples
+        self._mirrored = None
+        return chains
 
     def pixels(
         self, first: int, count: int, *, weights: Float64[np.ndarray, "poses functions"] | None = None
@@ -195,23 +206,35 @@ class BasisTracer:
         self, first: int, weights: Float64[np.ndarray, "poses functions"], rows: TracedRows
     ) -> None:
         """Add the lamp's own image in mirrors to rows of pixels from ``first`` on."""
-        mirrored, S = self._mirrored, self.lamp.functions
-        if mirrored is None:
+        if self._mirrored is None:
             return
-        pixels = mirrored.pixels[slice(*np.searchsorted(mirrored.pixels, [first, first + len(rows.images)]))]
-        for k in range(0, len(pixels), mirrored.at_once):
-            some = pixels[k : k + mirrored.at_once]
-            records = mirrored.trace(some, seed=stage_seed(self.settings.seed, _MIRRORED, 1 + int(some[0])))
-            mean, own = np.empty((len(some), 3, S), np.float32), np.empty((len(some), S), np.float32)
-            pose, pose_own = np.zeros((2, len(some), len(weights), 3))
+        if self._image is None or not np.array_equal(self._image[0], weights):
+            self._image = weights, self._mirrored_rows(self._mirrored, weights)
+        pixels, image = self._mirrored.pixels, self._image[1]
+        part = slice(*np.searchsorted(pixels, [first, first + len(rows.images)]))
+        here = pixels[part] - first
+        rows.images[here] += image.images[part]
+        rows.variance[here] += image.variance[part]
+        rows.posed[here] += image.posed[part]
+        rows.posed_variance[here] += image.posed_variance[part]
+
+    def _mirrored_rows(
+        self, mirrored: MirroredLamp, weights: Float64[np.ndarray, "poses functions"]
+    ) -> TracedRows:
+        """The lamp's own image, of the pixels that show mirrors: at once, for few launches are much faster."""
+        S, count = self.lamp.functions, len(mirrored.pixels)
+        mean, own = np.empty((count, 3, S), np.float32), np.empty((count, S), np.float32)
+        pose, pose_own = np.zeros((2, count, len(weights), 3))
+        for k in range(0, count, mirrored.at_once):
+            some = slice(k, min(k + mirrored.at_once, count))
+            records = mirrored.trace(
+                mirrored.pixels[some], seed=stage_seed(self.settings.seed, _MIRRORED, 1 + k)
+            )
             add_pixels(
                 mirrored.samples, (records.carried, records.left), records.counts, self._shape, weights,
-                mean, own, pose, pose_own,
+                mean[some], own[some], pose[some], pose_own[some],
             )  # fmt: skip
-            rows.images[some - first] += mean
-            rows.variance[some - first] += own
-            rows.posed[some - first] += pose
-            rows.posed_variance[some - first] += pose_own
+        return TracedRows(mean, own, pose, pose_own)
 
     def nothing(self, *, poses: int = 0) -> TracedRows:
         """Pictures of all pixels to which nothing has come yet."""

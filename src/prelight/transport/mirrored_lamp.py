@@ -16,9 +16,10 @@ from ..rays.surfaces import SurfaceScene
 from .eye_paths import EyeRecords, Notes, PathRules, PinholeRays, place_on
 from .steered_lamps import SteeredLamp
 
-_LANES = 1 << 17
+_LANES = 1 << 20  # of a launch: recording the loop costs as much as a hundred thousand chains
 _TIMES = 64  # as many as of other paths
 _MOST = 1 << 25  # of a picture
+_SHARE = 0.75  # of all other paths, at most: then it costs a fifth of them
 _TRIED = 16  # rays of a pixel that find whether it shows a mirror
 
 
@@ -57,7 +58,8 @@ class MirroredLamp:
         self.scene = surfaces.lit_by(lamp.emitter(surfaces.mi))
         self._loop = dr.syntax(MirroredLamp._walk)
         shown = self._showing(seed)
-        side = math.isqrt(min(_TIMES * samples, _MOST // max(1, len(shown))))
+        budget = min(_MOST, int(_SHARE * samples * view.width * view.height))
+        side = math.isqrt(min(_TIMES * samples, budget // max(1, len(shown))))
         self.samples = side * side
         self.pixels = shown if self.samples > samples else shown[:0]
         self._sampler = self.mi.load_dict({"type": "multijitter", "sample_count": max(1, self.samples)})
