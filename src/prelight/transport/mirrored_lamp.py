@@ -16,10 +16,10 @@ from ..rays.surfaces import SurfaceScene
 from .eye_paths import EyeRecords, Notes, PathRules, PinholeRays, place_on
 from .steered_lamps import SteeredLamp
 
-_LANES = 1 << 20  # of a launch: recording the loop costs as much as a hundred thousand chains
+_LANES = 1 << 20  # of a launch; few large ones are much faster
 _TIMES = 64  # as many as of other paths
 _MOST = 1 << 25  # of a picture
-_SHARE = 0.75  # of all other paths, at most: then it costs a fifth of them
+_SHARE = 0.75  # of all other paths, at most: then it costs a quarter of them
 _TRIED = 16  # rays of a pixel that find whether it shows a mirror
 
 
