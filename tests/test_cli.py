@@ -124,11 +124,11 @@ def test_strong_lights_are_told_and_may_be_left_to_clusters(prelight, workshop, 
     for way in ("rays", "clusters"):
         output = tmp_path / f"{way}.npy"
         lit = one_object(prelight(*call, "stock:sunset", "-o", output, "--strong-lights", way, "--json"))
-        assert (lit["strong_lights"] > 0, lit["strong_milliseconds"] > 0) == (way == "rays",) * 2
+        assert (lit["strong_lights"] > 0) == (way == "rays")
         pictures[way] = np.load(output)
     assert not np.array_equal(pictures["rays"], pictures["clusters"])
     assert abs(pictures["rays"].mean() / pictures["clusters"].mean() - 1) < 0.1
-    assert "traced by rays in" in prelight(*call, "stock:sunset").out
+    assert "traced by rays" in prelight(*call, "stock:sunset").out
     assert "traced" not in prelight(*call, "stock:sunset", "--strong-lights", "clusters").out
     assert_refusal(prelight(*call, "stock:sunset", "--strong-lights", "all"), 2, "rays or clusters")
 

@@ -146,7 +146,7 @@ def test_the_picture_has_it_and_the_other_eye_another(folder):
 
 def test_as_a_live_layer(folder):
     bake = Bake.open(folder / "free.prelight")
-    layer, alone = LiveEnvironment(bake, "environment"), Relighter(bake)
+    layer, alone = LiveEnvironment(Relighter(bake)), Relighter(bake)
     rig = Rig(Environment.open("stock:studio"))
     assert layer.light(rig)
     alone.environment = rig.environment

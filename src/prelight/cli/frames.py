@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from ..drawing.picture import Picture
     from ..lighting.rig import Rig
 
-_SIZE = 1280, 720
-
 
 class Frames(Protocol):
     """Pictures of one bake under one rig."""
@@ -59,8 +57,7 @@ class _LitFrames:
 
         self._light, self._rig = LitBake(bake), rig
         self._eye = arguments.camera_of(self._light, camera)
-        own = _SIZE if self._light.steered is None else self._light.steered.size
-        self.size = own if size is None else arguments.picture_size(size)
+        self.size = self._light.size if size is None else arguments.picture_size(size)
 
     def picture(self, seconds: float) -> Picture:
         self._light.light(self._rig.at(seconds))

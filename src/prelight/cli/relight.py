@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from ..errors import InputError
-from . import arguments, printing
+from . import arguments
 
 
 def relight(
@@ -52,7 +51,8 @@ def relight(
         of steerable lamps a rig file with [[spot]]s and [[panel]]s.
     output
         .png (as displayed), .exr (linear picture) or .npy (linear radiance of the receivers, (R, 3) float32,
-        in receiver order; toward --camera where a bake has gloss). Without it only the figures are printed.
+        in receiver order; toward --camera where a bake has gloss; where it has layers of pixels, of these, row by
+        row from the top, before black). Without it only the figures are printed.
     layout
         How the map is folded: latlong, angular, cross, horizontal-cross, strip or tall-strip; recognised by
         its proportions if not given.
@@ -134,50 +134,11 @@ def relight(
         return
     if narrow:
         raise InputError("--narrow", "of steerable lamps; this bake has other layers, leave it out")
-    if [layer.kind for layer in opened.layers.values()] != ["environment"]:
-        light = Rig.open(rig, layout=layout)
-        light = replace(light, environment=light.environment.rotated(rotate))
-        relight_layers(
-            opened, light, shown, output=output, trace_strong=strong_lights == "rays", force=force, json=json
-        )
-        return
-    with printing.waiting("opening the bake and the light (the first time, compiling too)"):
-        from ..relighting.relighter import Relighter
-
-        light = Relighter(opened, trace_strong=strong_lights == "rays")
-        eye = arguments.camera_of(light, camera)
-        environment = Rig.open(rig, layout=layout).surroundings
-        environment = environment.rotated(rotate).scaled(scale).tinted(arguments.colour("--tint", tint))
-        started = time.perf_counter()
-        light.environment = environment
-        resampled = (time.perf_counter() - started) * 1e3 - light.last.milliseconds
-        light.refresh()
-        started = time.perf_counter()
-        radiance = light.radiance
-        traced = (time.perf_counter() - started) * 1e3 if len(light.strong_lights) else 0.0
-        if (shine := light.glossy(eye.eye)) is not None:
-            radiance = radiance + shine
-    figures = {
-        "milliseconds": light.last.milliseconds,
-        "bytes_read": light.last.bytes_read,
-        "resample_milliseconds": resampled,
-        "clusters": light.last.clusters,
-        "strong_lights": len(light.strong_lights),
-        "strong_milliseconds": traced,
-        "glossy_milliseconds": light.glossy_milliseconds,
-        "receivers": len(radiance),
-        "output": None if output is None else str(output),
-    }
-    if output is not None and output.suffix.lower() == ".npy":
-        from ..images.formats import write_npy
-
-        write_npy(output, radiance)
-    elif output is not None:
-        picture = light.picture(eye, width=width, height=height, background=behind)
-        stops += picture.stops("auto") if metered else 0.0
-        figures["exposure_stops"] = stops
-        picture.save(output, force=force, exposure=stops, curve=curve)
-    printing.say_json(figures) if json else _say(figures)
+    light = Rig.open(rig, layout=layout)
+    light = replace(light, environment=light.environment.rotated(rotate))
+    relight_layers(
+        opened, light, shown, output=output, trace_strong=strong_lights == "rays", force=force, json=json
+    )
 
 
 def _check_output(output: Path, *, force: bool) -> None:
@@ -197,26 +158,6 @@ def _refuse_of_skies(given: bool) -> None:
     if given:
         what = "of environments; this bake has steerable lamps alone, leave them out"
         raise InputError("--layout, --rotate, --strong-lights, --background", what)
-
-
-def _say(figures: dict[str, Any]) -> None:
-    """The figures in words."""
-    lights = figures["strong_lights"]
-    words = [
-        f"relit {figures['receivers']:,} receivers in {figures['milliseconds']:.1f} ms "
-        f"({printing.size(figures['bytes_read'])} read; the map was resampled in "
-        f"{figures['resample_milliseconds']:.0f} ms)"
-    ]
-    if lights:
-        which = "1 strong light" if lights == 1 else f"{lights} strong lights"
-        words.append(f"{which} traced by rays in {figures['strong_milliseconds']:.0f} ms")
-    if took := figures["glossy_milliseconds"]:
-        words.append(f"what glossy surfaces send into all directions in {took:.0f} ms")
-    if figures["output"] is not None:
-        stops = figures.get("exposure_stops")
-        shown = f", exposure {stops:+.2f} stops" if figures["output"].lower().endswith(".png") else ""
-        words.append(figures["output"] + shown)
-    printing.say("\n".join(words))
 
 
 def _background(text: str) -> str | tuple[float, float, float] | None:

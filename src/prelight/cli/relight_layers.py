@@ -12,7 +12,11 @@ import numpy as np
 from . import arguments, printing
 
 if TYPE_CHECKING:
+    from ..camera import Camera
     from ..lighting.rig import Rig
+    from ..relighting.lit_bake import LitBake
+    from ..relighting.live_layer import LiveLayer
+    from ..relighting.pixel_environment import PixelEnvironment
     from ..storage.bake import Bake
 
 Background = str | tuple[float, float, float] | None
@@ -59,24 +63,24 @@ def relight_layers(
         eye = arguments.camera_of(light, shown.camera)
         started = time.perf_counter()
         light.light(rig)
-        irradiance = light.irradiance
+        radiance = _radiance(light, eye)
         whole = (time.perf_counter() - started) * 1e3
+    receivers = len(radiance)
     figures: dict[str, Any] = {
         "milliseconds": light.milliseconds,
         "all_milliseconds": whole,
         "bytes_read": light.bytes_read,
-        "layers": [
-            {"name": layer.name, "milliseconds": layer.last.milliseconds, "bytes_read": layer.last.bytes_read}
-            for layer in light.layers
-        ],
-        "receivers": len(irradiance),
+        "layers": [_figures(layer) for layer in light.all_layers],
+        "strong_lights": light.strong_lights,
+        "glossy_milliseconds": light.glossy_milliseconds,
+        "receivers": receivers,
         "notes": light.notes,
         "output": None if output is None else str(output),
     }
     if output is not None and output.suffix.lower() == ".npy":
         from ..images.formats import write_npy
 
-        write_npy(output, light.radiance(eye.eye) * factors)
+        write_npy(output, radiance * factors)
     elif output is not None:
         picture = light.picture(
             eye, width=shown.size[0], height=shown.size[1], background=shown.background, fine=True
@@ -91,9 +95,23 @@ def relight_layers(
         return
     for note in light.notes:
         printing.say(f"note: {note}")
-    names = ", ".join(layer.name for layer in light.layers)
+    took = light.glossy_milliseconds
+    names = ", ".join(layer.name for layer in light.all_layers)
     printing.say(
-        f"relit {len(irradiance):,} receivers by {names} in {light.milliseconds:.1f} ms "
+        f"relit {receivers:,} receivers by {names} in {light.milliseconds:.1f} ms "
         f"({printing.size(light.bytes_read)} read; {whole:.0f} ms with all that is done once)"
+        + (f"\nwhat glossy surfaces send into all directions took {took:.0f} ms" if took else "")
         + ("" if output is None else f"\n{output}")
     )
+
+
+def _radiance(light: LitBake, eye: Camera) -> np.ndarray:
+    """(receivers, 3) toward the eye: of the vertices, or of the pixels where a layer has pixels."""
+    if light.has_pixels:
+        return light.picture(eye, background=None, fine=True).linear.reshape(-1, 3)
+    return light.radiance(eye.eye)
+
+
+def _figures(layer: LiveLayer | PixelEnvironment) -> dict[str, Any]:
+    last = layer.last
+    return {"name": layer.name, "milliseconds": last.milliseconds, "bytes_read": last.bytes_read}

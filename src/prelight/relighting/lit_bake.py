@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import Directions, Radiance, Triangles
+from ..arrays import Picture as Pixels
 from ..camera import Camera
+from ..drawing.background import Background
 from ..drawing.picture import Picture
 from ..drawing.pixels import pixel_picture
 from ..drawing.surface import Surface
@@ -24,7 +26,9 @@ from ..storage.bake import Bake
 from .live_environment import LiveEnvironment
 from .live_layer import LiveLayer
 from .named_camera import named_camera
+from .pixel_environment import PixelEnvironment
 from .pixel_light import lit_at_pixels
+from .relighter import Relighter
 from .steerable_bake import SteerableBake
 from .stored_steerable import steerable_names
 
@@ -41,8 +45,9 @@ _PICTURE = (1280, 720)
 class LitBake:
     """A bake with layers of several kinds under one rig. What follows depends on the rig alone.
 
-    Layers of vertices add up to irradiance at the vertices; layers of pixels (steerable lamps) add to the picture
-    that their own eye sees.
+    Layers of vertices add up to irradiance at the vertices; layers of pixels (steerable lamps, an environment baked
+    at the pixels of one eye) add to the picture that this eye sees. An environment layer of vertices that is baked for
+    one eye shines as that eye sees it, whoever looks.
 
     Parameters
     ----------
@@ -72,6 +77,7 @@ class LitBake:
     ) -> None:
         self.bake = bake if isinstance(bake, Bake) else Bake.open(bake)
         self.layers: list[LiveLayer] = []
+        self.pixels: list[PixelEnvironment] = []
         self._sky: str | None = None
         self._lamps: str | None = None
         steered = [name for name in steerable_names(self.bake) if name not in without]
@@ -79,11 +85,16 @@ class LitBake:
         for kind in SKIES:
             for name, record in self.bake.layers.items():
                 if record.kind == kind and name not in without:
-                    self.layers.append(_opened(self.bake, name, kind, trace_strong=trace_strong, fade=fade))
+                    layer = _opened(self.bake, name, kind, trace_strong=trace_strong, fade=fade)
+                    if isinstance(layer, PixelEnvironment):
+                        self.pixels.append(layer)
+                    else:
+                        self.layers.append(layer)
                     self._sky = self._sky or (None if kind == "cloud" else name)
                     self._lamps = self._lamps or (name if kind in LAMPS else None)
-        if not self.layers and self.steered is None:
+        if not self.layers and not self.pixels and self.steered is None:
             raise InputError(self.bake.path, "has no layer that this version can light; bake one")
+        self._screen = self._one_screen()
         self._rig = Rig(Environment.dark())
 
     def light(self, rig: Rig) -> None:
@@ -95,11 +106,16 @@ class LitBake:
         self._refuse_homeless(rig)
         if self.steered is not None:
             self.steered.light(_steered(rig))
-        for layer in self.layers:
+        for layer in self.all_layers:
             own = rig if layer.name == self._sky else replace(rig, environment=_DARK)
             own = own if layer.name == self._lamps else replace(own, lamps=())
             layer.light(own)
         self._rig = rig
+
+    @property
+    def all_layers(self) -> list[LiveLayer | PixelEnvironment]:
+        """Those of vertices and of pixels, without the steerable ones."""
+        return [*self.layers, *self.pixels]
 
     @property
     def is_settling(self) -> bool:
@@ -128,32 +144,70 @@ class LitBake:
     @property
     def notes(self) -> list[str]:
         """What somebody who lights with this rig should know, of layers that have something to say."""
-        return [note for layer in self.layers for note in getattr(layer, "notes", ())]
+        notes = [note for layer in self.layers for note in getattr(layer, "notes", ())]
+        if self.strong_lights:
+            one = self.strong_lights == 1
+            notes.append(
+                f"{'1 strong light is' if one else f'{self.strong_lights} strong lights are'} traced by rays"
+            )
+        return notes
+
+    @property
+    def strong_lights(self) -> int:
+        """How many lights of the environment are traced by rays, not lit by clusters."""
+        return sum(getattr(layer, "strong_lights", 0) for layer in self.all_layers)
 
     @property
     def milliseconds(self) -> float:
         """What the last change took, in all layers."""
-        return sum(layer.last.milliseconds for layer in self.layers)
+        return sum(layer.last.milliseconds for layer in self.all_layers)
+
+    @property
+    def glossy_milliseconds(self) -> float:
+        """What gloss took after the last change, in layers that tell, once it was looked at."""
+        return sum(getattr(layer, "glossy_milliseconds", 0.0) for layer in self.layers)
 
     @property
     def bytes_read(self) -> int:
         """What the last change read, in all layers."""
-        return sum(layer.last.bytes_read for layer in self.layers)
+        return sum(layer.last.bytes_read for layer in self.all_layers)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of a picture, where nothing else is asked for: the pixels' where layers have pixels."""
+        return _PICTURE if self._screen is None else self._screen[1]
+
+    @property
+    def has_pixels(self) -> bool:
+        """Whether a layer's receivers are pixels: then pictures are what there is, of their eye and size."""
+        return self._screen is not None
+
+    def _one_screen(self) -> tuple[Camera, tuple[int, int]] | None:
+        """The eye and size of the layers of pixels. Raises InputError where they are not the same."""
+        screens = [(layer.name, layer.camera, layer.size) for layer in self.pixels]
+        if self.steered is not None:
+            screens.append(("of steerable lamps", self.steered.camera, self.steered.size))
+        for name, eye, size in screens[1:]:
+            if (eye, size) != screens[0][1:]:
+                what = f"its layers {screens[0][0]} and {name} are pixels of different eyes or sizes, and do not add"
+                raise InputError(self.bake.path, what + "; remove one of them")
+        return screens[0][1:] if screens else None
 
     def camera(self, camera: Camera | str | None = None) -> Camera:
-        """A camera by itself or by its name in the bake; else the eye of the layers of pixels, or the first there is.
+        """A camera by itself or by its name in the bake; else the eye of a layer that has one, or the first there is.
 
         Raises InputError naming the cameras there are, and for another than the pixels' own.
         """
         cameras = self.bake.cameras
         camera = named_camera(cameras, camera)
-        if self.steered is not None:
-            if camera not in (None, self.steered.camera):
-                raise InputError(
-                    "camera", "another one than the steerable lamps were baked for; leave it out"
-                )
-            return self.steered.camera
-        return camera or next(iter(cameras.values()), None) or Camera.framing(self.bake.receivers.positions)
+        if self._screen is not None:
+            if camera not in (None, self._screen[0]):
+                what = "another one than the pixels of this bake were made for; leave it out"
+                raise InputError("camera", what)
+            return self._screen[0]
+        eyes = [eye for layer in self.layers if (eye := getattr(layer, "eye", None)) is not None]
+        known = [*eyes, *cameras.values()]
+        return camera or next(iter(known), None) or Camera.framing(self.bake.receivers.positions)
 
     def picture(
         self,
@@ -173,17 +227,32 @@ class LitBake:
         """
         if isinstance(background, str) and background != "environment":
             raise InputError("background", f"{background!r}, expected 'environment', three numbers or None")
-        eye, size = self.camera(camera), _PICTURE if self.steered is None else self.steered.size
+        eye, size = self.camera(camera), self.size
         chosen = width or size[0], height or size[1]
-        if self.steered is not None and chosen != size:
-            raise InputError(
-                "size", f"{chosen[0]}×{chosen[1]}, but the lamps' pixels are {size[0]}×{size[1]}"
-            )
+        if self._screen is not None and chosen != size:
+            what = f"{chosen[0]}×{chosen[1]}, but the pixels of this bake are {size[0]}×{size[1]}"
+            raise InputError("size", what)
         behind = self.behind(eye.eye) if background == "environment" else background
+        if self.pixels and not self.layers:  # whose own samples say where the scene ends
+            dark = np.zeros((size[0] * size[1], 3), np.float32)
+            picture = pixel_picture(dark, self.pixels[0].coverage, camera=eye, background=behind)
+        else:
+            picture = self._of_vertices(eye, chosen, behind, fine=fine)
+        return replace(picture, linear=picture.linear + self._of_pixels(size)) if self._screen else picture
+
+    def _of_pixels(self, size: tuple[int, int]) -> Pixels:
+        """What layers of pixels add to a picture."""
+        parts: list[Radiance] = [layer.radiance for layer in self.pixels]
+        if self.steered is not None:
+            parts.append(np.maximum(self.steered.radiance, 0))  # noise may leave it a little below
+        return np.asarray(sum(parts[1:], start=parts[0]), np.float32).reshape(size[1], size[0], 3)
+
+    def _of_vertices(self, eye: Camera, size: tuple[int, int], behind: Background, *, fine: bool) -> Picture:
+        """What layers of vertices bring, before what is behind the scene."""
         panes = next((p for layer in self.layers if (p := getattr(layer, "panes", None)) is not None), None)
         left = slice(None) if panes is None else np.flatnonzero(panes.are_left(self.bake.triangles))
         triangles = self.bake.triangles[left]
-        view = self._view(triangles, eye, chosen, surface=self._surface(left))
+        view = self._view(triangles, eye, size, surface=self._surface(left))
         irradiance = self.irradiance
         by_pixel = [lit for layer in self.layers if fine and (lit := layer.point_lit) is not None]
         for own in by_pixel:
@@ -203,18 +272,12 @@ class LitBake:
                 gloss += shine
         picture = replace(picture, linear=np.maximum(linear, 0))
         if panes is not None:
-            whole = self._view(self.bake.triangles, eye, chosen)
+            whole = self._view(self.bake.triangles, eye, size)
             picture = panes.before(picture, whole, len(self.bake.receivers))
             picture = replace(picture, linear=picture.linear + whole.draw(panes.without_clear(gloss)).linear)
         elif gloss.any():
             picture = replace(picture, linear=picture.linear + view.draw(gloss).linear)
-        linear = picture.linear
-        if self.steered is not None:
-            pixels = pixel_picture(
-                np.maximum(self.steered.radiance, 0), np.ones((size[1], size[0]), np.float32)
-            )
-            linear = linear + pixels.linear
-        return replace(picture, linear=linear)
+        return picture
 
     def _view(
         self, triangles: Triangles, eye: Camera, size: tuple[int, int], *, surface: Surface | None = None
@@ -268,9 +331,13 @@ def _steered(rig: Rig) -> list[Spot | Panel]:
     return list(rig.lights)
 
 
-def _opened(bake: Bake, name: str, kind: str, *, trace_strong: bool, fade: float) -> LiveLayer:
+def _opened(
+    bake: Bake, name: str, kind: str, *, trace_strong: bool, fade: float
+) -> LiveLayer | PixelEnvironment:
     if kind == "environment":
-        return LiveEnvironment(bake, name, trace_strong=trace_strong)
+        lit = Relighter(bake, layer=name, trace_strong=trace_strong)
+        size = lit.picture_size
+        return LiveEnvironment(lit) if size is None else PixelEnvironment(lit, size=size)
     if kind == "transfer":
         from .transfer import TransferRelighter
 
