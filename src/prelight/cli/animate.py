@@ -41,9 +41,9 @@ def animate(
     Parameters
     ----------
     bake
-        NAME.prelight: of steerable lamps, or with a transfer layer, whose lights are anywhere.
+        NAME.prelight, with layers of any kind; lamps that move want a transfer, cloud or steerable layer.
     rig
-        A rig (.toml) whose [[lamp]]s, [[spot]]s and [[panel]]s have keys (docs/rig.md).
+        A rig (.toml) whose [[lamp]]s, [[spot]]s, [[panel]]s or world outside have keys (docs/rig.md).
     output
         A moving picture (.webp, .gif, or .mp4 where imageio-ffmpeg is installed), or pictures with {frame} in their
         name, such as shot_{frame}.png or shot_{frame}.exr (linear): {frame} becomes 0000, 0001, …
