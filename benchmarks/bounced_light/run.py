@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import time
 from pathlib import Path
 
 import accuracy
@@ -13,44 +9,28 @@ import beside_radiance
 import summary
 import timing
 
-from prelight.cli.doctor import _llvm, _machine
+from prelight.checking.kept_parts import measure_parts, parts_parser
 
 PARTS = {"time": timing.room, "radiance": beside_radiance.room} | accuracy.PARTS
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder with bunny/, cornell/, sponza/ and sibenik/")
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument("--work", type=Path, required=True, help="where references are kept: some megabytes")
-    parser.add_argument("--name", default="2-core", help="of this machine, in the results")
+    parser = parts_parser(
+        __doc__,
+        PARTS,
+        work="where references are kept: some megabytes",
+        data="folder with bunny/, cornell/, sponza/ and sibenik/",
+    )
     parser.add_argument("--radiance", type=Path, help="folder of the pyradiance package, for that part")
     parser.add_argument("--table", action="store_true", help="only print what the results say, in Markdown")
     options = parser.parse_args()
-    options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
-    results.mkdir(parents=True, exist_ok=True)
+    options.work.mkdir(parents=True, exist_ok=True)
     if options.table:
         print(summary.table(results))
         return
     beside_radiance.FOLDER = options.radiance
-    for name in options.parts or PARTS:
-        path = results / f"{name}.json"
-        if path.exists() and not options.parts:
-            continue
-        print(f"== {name}: {(PARTS[name].__doc__ or '').splitlines()[0]}")
-        started = time.perf_counter()
-        figures = PARTS[name](options.data, options.work)
-        report = {
-            "what": PARTS[name].__doc__,
-            "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
-            "seconds_in_all": round(time.perf_counter() - started, 1),
-            "figures": figures,
-        }
-        text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
-        print(text)
-        if "skipped" not in figures:
-            path.write_text(text + "\n")
+    measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))
 
 
 if __name__ == "__main__":

@@ -18,8 +18,7 @@ import prelight as pl
 from prelight.baking.environment import bake_planned
 from prelight.baking.environment_plan import EnvironmentSettings, plan_environment
 from prelight.bases.cube_map import texel_directions
-from prelight.checking.machine import read_bandwidth
-from prelight.cli.doctor import _llvm, _machine
+from prelight.checking.machine import llvm, machine, read_bandwidth
 from prelight.errors import InputError
 from prelight.rays.mitsuba import Occluders
 from prelight.rays.offset import ray_offset
@@ -234,7 +233,7 @@ def main() -> None:
     found, figures = bake(scene, options.work)
     grace = pl.Environment.open(options.probes / PROBES[0]).cube(256)
     results = {
-        "machine": _machine() | {"python": platform.python_version()} | _llvm(),
+        "machine": machine() | {"python": platform.python_version()} | llvm(),
         "bake": figures,
         "tracing": tracing(scene, options.repeats),
         "relighting": relighting(found, grace, options.repeats),

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import time
 from pathlib import Path
 
 import accuracy
 
-from prelight.cli.doctor import _llvm, _machine
+from prelight.checking.kept_parts import measure_parts, parts_parser
 
 PARTS = accuracy.PARTS
 KEPT = ("detail", "side", "samples", "pixels", "order", "resolution", "tolerance")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder with bunny/; without it a ball is looked at")
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument("--work", type=Path, required=True, help="for bakes and pictures: some 100 megabytes")
-    parser.add_argument("--name", default="2-core", help="of this machine, in the results")
+    parser = parts_parser(
+        __doc__,
+        PARTS,
+        work="for bakes and pictures: some 100 megabytes",
+        data="folder with bunny/; without it a ball is looked at",
+    )
     parser.add_argument("--detail", type=float, default=0.5, help="1 for the bunny and the full room")
     parser.add_argument("--side", type=int, default=72, help="pixels of a picture's side")
     parser.add_argument("--samples", type=int, default=18432, help="of the path tracer, a pixel")
@@ -30,28 +27,17 @@ def main() -> None:
     parser.add_argument("--tolerance", type=float, default=0.005, help="of the clusters")
     parser.add_argument("--resolution", type=int, default=64, help="R of the environment")
     options = parser.parse_args()
+    results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     for name in KEPT:
         setattr(accuracy.Settings, name, getattr(options, name))
-    results = Path(__file__).parent / "results" / options.name
-    results.mkdir(parents=True, exist_ok=True)
-    for name in options.parts or PARTS:
-        path = results / f"{name}.json"
-        if path.exists() and not options.parts:
-            continue
-        print(f"== {name}: {(PARTS[name].__doc__ or '').splitlines()[0]}")
-        started = time.perf_counter()
-        figures = PARTS[name](options.data, options.work)
-        report = {
-            "what": PARTS[name].__doc__,
-            "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
-            "settings": {name: getattr(options, name) for name in KEPT},
-            "seconds_in_all": round(time.perf_counter() - started, 1),
-            "figures": figures,
-        }
-        text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
-        print(text)
-        path.write_text(text + "\n")
+    measure_parts(
+        PARTS,
+        options.parts,
+        results,
+        call=lambda part: part(options.data, options.work),
+        more={"settings": {name: getattr(options, name) for name in KEPT}},
+    )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import time
 from collections.abc import Callable
 from functools import partial
@@ -15,7 +12,7 @@ import figures
 import measuring
 import numpy as np
 
-from prelight.cli.doctor import _llvm, _machine
+from prelight.checking.kept_parts import measure_parts, parts_parser
 from prelight.relighting.cloud import CloudRelighter
 from scenes import SCENES, areas_of, baked, row_of, scene_of
 
@@ -167,33 +164,13 @@ PARTS |= {f"pictures-{name}": partial(pictures, name) for name in SCENES if name
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder with sponza/")
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument("--work", type=Path, required=True, help="where bakes are kept: some gigabytes")
-    parser.add_argument("--name", default="2-core", help="of this machine, in the results")
+    parser = parts_parser(
+        __doc__, PARTS, work="where bakes are kept: some gigabytes", data="folder with sponza/"
+    )
     options = parser.parse_args()
-    options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
-    results.mkdir(parents=True, exist_ok=True)
-    for name in options.parts or PARTS:
-        path = results / f"{name}.json"
-        if path.exists() and not options.parts:
-            continue
-        part = PARTS[name]
-        what = (getattr(part, "func", part).__doc__ or "").splitlines()[0]
-        print(f"== {name}: {what}", flush=True)
-        started = time.perf_counter()
-        found = part(options.data, options.work)
-        report = {
-            "what": what,
-            "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
-            "seconds_in_all": round(time.perf_counter() - started, 1),
-            "figures": found,
-        }
-        text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
-        print(text, flush=True)
-        path.write_text(text + "\n")
+    options.work.mkdir(parents=True, exist_ok=True)
+    measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))
 
 
 if __name__ == "__main__":

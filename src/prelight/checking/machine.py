@@ -1,11 +1,18 @@
-"""How fast this machine traces shadow rays and reads memory."""
+"""What this machine is, and how fast it traces shadow rays and reads memory."""
 
 from __future__ import annotations
 
+import os
+import platform
+import sys
 import time
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 import numpy as np
 from numba import njit, prange, types
+
+_PACKAGES = ("prelight", "mitsuba", "drjit", "numba", "numpy", "OpenEXR")
 
 
 @njit(cache=True)
@@ -22,6 +29,35 @@ def _sum(values, threads):
     for t in prange(threads):
         total += _sum_of(values[len(values) * t // threads : len(values) * (t + 1) // threads])
     return total
+
+
+def machine() -> dict[str, Any]:
+    """System, Python, processors, bytes of memory, and the numbers of the packages that figures depend on."""
+
+    def number(name: str) -> str | None:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            return None
+
+    return {
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "python": f"{platform.python_version()} at {sys.executable}",
+        "processors": os.cpu_count(),
+        "memory": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        "packages": {name: number(name) for name in _PACKAGES},
+    }
+
+
+def llvm() -> dict[str, Any]:
+    """The LLVM that tracing would use: its path and its version, None each where there is none."""
+    from ..scene.variant import find_llvm
+
+    library = find_llvm()
+    return {
+        "llvm_path": None if library is None else str(library.path),
+        "llvm_version": None if library is None else library.version,
+    }
 
 
 def read_bandwidth(*, size: int = 512_000_000, repeats: int = 5) -> float:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import platform
 import sys
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from ..errors import PrelightError
 from . import printing
-
-_PACKAGES = ("prelight", "mitsuba", "drjit", "numba", "numpy", "OpenEXR")
 
 
 def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
@@ -26,7 +21,9 @@ def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
         Print one JSON object on standard output.
     """
     with printing.waiting("measuring"):
-        found = _machine() | _llvm() | _speeds()
+        from ..checking.machine import llvm, machine
+
+        found = machine() | llvm() | _speeds()
     if json:
         printing.say_json(found)
         return
@@ -57,32 +54,6 @@ def doctor(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
             *(("to do", advice) for advice in found["advice"]),
         ]
     )
-
-
-def _machine() -> dict[str, Any]:
-    def number(name: str) -> str | None:
-        try:
-            return version(name)
-        except PackageNotFoundError:
-            return None
-
-    return {
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "python": f"{platform.python_version()} at {sys.executable}",
-        "processors": os.cpu_count(),
-        "memory": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
-        "packages": {name: number(name) for name in _PACKAGES},
-    }
-
-
-def _llvm() -> dict[str, Any]:
-    from ..scene.variant import find_llvm
-
-    library = find_llvm()
-    return {
-        "llvm_path": None if library is None else str(library.path),
-        "llvm_version": None if library is None else library.version,
-    }
 
 
 def _speeds() -> dict[str, Any]:
