@@ -7,7 +7,7 @@ import http.client
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from prelight.studio.environments import Environments
 from prelight.studio.frames import FrameHeader
 from prelight.studio.protocol import PROTOCOL_VERSION, ClientMessage, Hello, Seen
 from prelight.studio.server import PAGE, Served, Studio
+from prelight.studio.tracing import Pictures
 from prelight.studio.wire import encode
 
 from .scenes import ball_on_floor
@@ -105,9 +106,19 @@ class Page:
 class LiveStudio:
     """A studio of a bake on any free port."""
 
-    def __init__(self, bake: Path, *, state_file: Path, maps: Path | None = None, page: Path = PAGE) -> None:
+    def __init__(
+        self,
+        bake: Path,
+        *,
+        state_file: Path,
+        maps: Path | None = None,
+        rigs: Sequence[Path] = (),
+        page: Path = PAGE,
+        pictures: Pictures | None = None,
+    ) -> None:
         self.notes: list[str] = []
-        served = Served(Bake.open(bake), Environments(folder=maps), state_file, self.notes.append)
+        known = Environments([str(rig) for rig in rigs], folder=maps)
+        served = Served(Bake.open(bake), known, state_file, self.notes.append, pictures)
         self.studio = Studio(served, port=0, page=page)
         self.port = self.studio.port
         self.host = f"127.0.0.1:{self.port}"

@@ -63,10 +63,8 @@ class Visit:
         return self.page.evaluate(f"() => __prelight.metrics.{name}")
 
     def settled(self, *, after: int = 0) -> None:
-        """Wait for the exact light of a state no older than the one of this sequence."""
-        self.until("!!window.__prelight && __prelight.metrics.ready")
-        self.until(f"__prelight.metrics.shownExact && __prelight.metrics.shownSequence >= {after}")
-        self.until("__prelight.metrics.sky === __prelight.look().environment")
+        """Wait for the exact light of all that was changed here, and of a state no older than this sequence."""
+        self.until(f"window.__prelight?.settled() && __prelight.metrics.shownSequence >= {after}")
 
     def pixels(self) -> np.ndarray:
         """What the canvas shows, (height, width, 3) bytes, the top row first."""
@@ -83,11 +81,20 @@ class Visit:
 
 @contextmanager
 def visiting(
-    browser: Any, url: str, *, width: int = WIDTH, height: int = HEIGHT, scheme: str = "dark"
+    browser: Any,
+    url: str,
+    *,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    scheme: str = "dark",
+    touch: bool = False,
 ) -> Iterator[Visit]:
     """Open the page as somebody new. It must not complain, nor ask anybody else for anything."""
     context = browser.new_context(
-        viewport={"width": width, "height": height}, color_scheme=scheme, reduced_motion="reduce"
+        viewport={"width": width, "height": height},
+        color_scheme=scheme,
+        reduced_motion="reduce",
+        has_touch=touch,
     )
     page = context.new_page()
     visit = Visit(page)

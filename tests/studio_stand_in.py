@@ -98,7 +98,8 @@ class StandIn:
     preview: Callable[[str], bytes] = lambda name: png()
     state: State = field(default_factory=state)
     refuses: str | None = None
-    streaming: bool = False
+    streaming: int = 0  # frames that are still sent unasked: the browser's driver keeps each of them
+    lag: float = 0.0  # seconds before each message of a page is looked at
     shut: bool = False
     close_with: tuple[int, str] | None = None
     received: list[dict[str, Any]] = field(default_factory=list)
@@ -199,6 +200,12 @@ class StandIn:
 
     async def answer(self, socket, message: dict[str, Any]) -> None:
         kind = message.pop("type")
+        if self.lag:
+            await asyncio.sleep(self.lag)
+        if kind == "Mark":
+            said = {"type": "Marked", "number": message["number"], "sequence": self.state["sequence"]}
+            await socket.send_text(json.dumps(said))
+            return
         self.received.append({"type": kind, **message})
         if kind in self.replies:
             for reply in self.replies[kind](message):
@@ -206,8 +213,9 @@ class StandIn:
                 await send(reply if isinstance(reply, bytes) else json.dumps(reply))
             return
         if kind == "Seen":
-            if self.streaming:
-                await asyncio.sleep(0.004)
+            if self.streaming > 0:
+                self.streaming -= 1
+                await asyncio.sleep(0.012)
                 turn = (self.state["rotation_deg"] + 1.0) % 360.0
                 self.state |= {"sequence": self.state["sequence"] + 1, "author": None, "rotation_deg": turn}
                 await socket.send_text(json.dumps({"type": "State", **self.state}))

@@ -28,9 +28,10 @@ from prelight.transport.lamps import SphereLamps, lamp_light
 
 from .disk import copy
 from .rooms import box, room
+from .test_gltf_lights import file_of
 
 SETTINGS = CloudSettings(
-    lights=90, modes=64, zone=256, gather_rays=256, box=((0.1, 0.1, 0.1), (3.9, 2.9, 4.9)), coefficients=32
+    lights=90, modes=128, zone=256, gather_rays=256, box=((0.1, 0.1, 0.1), (3.9, 2.9, 4.9)), coefficients=32
 )
 HERE, THERE = (0.9, 1.3, 1.1), (2.9, 1.7, 3.9)
 
@@ -247,6 +248,33 @@ def test_a_bake_with_a_cloud_takes_the_rig_s_lamps(path):
         lit.light(Rig(Environment.open("stock:sunset")))
 
 
+def test_a_lamp_that_sees_no_light_of_the_cloud_is_lit_by_modes_and_told(path, truth, monkeypatch):
+    blind = CloudRelighter(path)
+    monkeypatch.setattr(type(blind._weights), "_sees", lambda _, place, lights: np.zeros(len(lights), bool))
+    blind.shine([point()])
+    assert off(blind.indirect[:, 0], truth(HERE)[1][:, 0]) < 0.3
+    assert "sees no light of the cloud" in blind.notes[0]
+
+
+def test_lights_of_a_gltf_file_are_lamps_of_a_cloud(lit, prelight, tmp_path):
+    """KHR_lights_punctual, through ``prelight rig lamps``: a bulb is the same lamp, a spot lights its cone alone."""
+    bulb = {"type": "point", "color": [1, 0.5, 0.25], "intensity": 683.0}
+    spot = {"type": "spot", "intensity": 683.0, "spot": {"innerConeAngle": 0.3, "outerConeAngle": 0.6}}
+    turned = {"translation": list(HERE), "rotation": [-(0.5**0.5), 0, 0, 0.5**0.5]}  # down
+    found = []
+    for light in (bulb, spot):
+        rig = tmp_path / "rig.toml"
+        assert prelight("rig", "lamps", file_of(tmp_path, light, **turned), "-o", rig, "--force").code == 0
+        assert lit.light(Rig.open(str(rig)))
+        found.append((lit.direct, lit.indirect))
+    lit.shine([point(HERE, (1.0, 0.5, 0.25))])
+    np.testing.assert_allclose(found[0][1], lit.indirect, rtol=1e-3, atol=1e-5 * lit.indirect.max())
+    away = two_rooms().positions - np.float32(HERE)
+    is_lit = -away[:, 1] > np.cos(0.6) * np.linalg.norm(away, axis=1)
+    assert not found[1][0][~is_lit].any()
+    assert found[1][1].mean() > 0.02 * lit.indirect.mean()
+
+
 def test_it_is_relit_without_the_renderer(path, lit, monkeypatch):
     import prelight.rays.mitsuba as door
     from prelight.errors import MissingExtraError
@@ -336,7 +364,10 @@ def test_the_paper_s_cloud_alone_is_smaller_and_lights_too(tmp_path, lit, truth)
         ("sources", lambda v: v[1:]),
         ("sources", lambda v: v.view(np.uint8)),
         ("source_scales", lambda v: v * np.float32(np.nan)),
-        ("source_scales", lambda v: v[1:]),
+        ("source_scales", lambda v: v[:, 1:]),
+        ("zone_modes", lambda v: v + 1),
+        ("zone_modes", lambda v: -v),
+        ("zone_modes", lambda v: v[1:]),
         ("fluxes", lambda v: v[:, :-1]),
         ("areas", lambda v: v * np.float32(np.nan)),
         ("lights", lambda v: v * np.float32([1, 1, 1, 0])),

@@ -5,14 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from prelight.baking.cloud_grid import light_grid
 from prelight.encoding.clustered_pca import allocated, clustered_components
-from prelight.encoding.light_clustering import merged, near_pairs, pair_distances, suggested_weights
+from prelight.encoding.light_clustering import (
+    kept_apart,
+    merged,
+    near_pairs,
+    pair_distances,
+    suggested_weights,
+)
 from prelight.encoding.light_fit import bounded, fitted, kernel, nearest, normalised, prior
 from prelight.errors import InputError
 from prelight.rays.plain_light_rays import PlainLightRays
 from prelight.rays.segments import PlainSegments
 
-from .rooms import box, room, scene_of_rectangles
+from .rooms import SIZE, box, room, scene_of_rectangles
 
 
 def groups(positions, answers, *, w1: float, w2: float, hidden=()) -> list[int]:
@@ -45,6 +52,17 @@ def test_the_largest_difference_at_any_receiver_counts_over_all_numbers():
     answers[1, 2] = 0.3, 0.0, 0.4  # 0.5 at one receiver, 0 at the others
     assert groups(ROW[:2], answers, w1=0.1, w2=1.79) == [0, 0]  # 0.1 + 1.79 · 0.5 < 1
     assert groups(ROW[:2], answers, w1=0.1, w2=1.81) == [0, 1]
+
+
+def test_dim_lights_stay_apart_where_merging_would_change_most_of_what_they_bring():
+    answers = dark(3)
+    answers[:, :, 0] = [[1.0], [1.01], [0.02]]
+    answers[2, 1, 0] = 0.03
+    distances = pair_distances(near_pairs(np.float64(ROW[:3]), w1=0.1), answers, w2=0.1)
+    assert merged(distances).count == 1
+    size = np.sqrt(np.square(answers).sum(axis=(1, 2)))
+    assert merged(kept_apart(distances, answers, 0.05 * size)).group_of.tolist() == [0, 0, 1]
+    assert merged(kept_apart(distances, answers, 0.005 * size)).group_of.tolist() == [0, 1, 2]
 
 
 def test_no_group_has_a_pair_at_or_above_one_and_no_two_groups_could_merge():
@@ -244,13 +262,30 @@ def test_two_sheets_have_no_inside():
     assert segments.shares_of_backs(np.array([[9.0, 9.0, 9.0]]))[0] <= 1
 
 
+def test_lights_are_twice_as_dense_along_walls():
+    scene = room(4)
+    segments = PlainSegments(scene.positions, scene.triangles, scene.normals)
+    plain, dense = (light_grid(scene, segments, lights=60, shell=shell) for shell in (0.0, 0.45))
+    walls, of_plain = (
+        np.min([*grid.positions.T, *(np.array(SIZE) - grid.positions).T], axis=0) for grid in (dense, plain)
+    )
+    apart = np.linalg.norm(dense.positions[:, None] - dense.positions[None], axis=2)
+    np.fill_diagonal(apart, 9)
+    half = dense.step.min() / 2
+    assert apart.min(axis=1)[walls < 0.3].max() <= half + 1e-9
+    assert apart.min() > 0.8 * half
+    assert (walls > 1.2).sum() == (of_plain > 1.2).sum()
+    with pytest.raises(InputError, match="fewer --lights"):
+        light_grid(scene, segments, lights=4000, shell=3.0)
+
+
 def test_a_box_that_makes_no_sense_is_refused():
     from prelight.baking.cloud_settings import CloudSettings
 
     for settings in (
         {"box": ((0, 0, 0), (1, 1, 0))}, {"box": ((0, 0, 0), (1, 1, float("nan")))}, {"lights": 0}, {"zone": 3},
         {"coefficients": -1.0}, {"modes": 0}, {"codes": "nibbles"}, {"merge": "max"}, {"w1": float("inf")},
-        {"gather_rays": 1000}, {"radius": -1.0}, {"memory": 1000}, {"lights": 10**6},
+        {"gather_rays": 1000}, {"radius": -1.0}, {"memory": 1000}, {"lights": 10**6}, {"shell": -1.0},
     ):  # fmt: skip
         with pytest.raises(InputError):
             CloudSettings(**settings)

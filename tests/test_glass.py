@@ -10,9 +10,10 @@ import pytest
 
 from prelight.bases import cube_map
 from prelight.errors import InputError
-from prelight.lighting.frost import frosted
+from prelight.lighting.frost import frosted, through_glass
 from prelight.lighting.glass import Glass, glass_of
 from prelight.lighting.rig import Rig
+from prelight.lighting.rough_pane import rough_pane
 
 N = 32
 DIRECTIONS = cube_map.texel_directions(np.arange(6 * N * N, dtype=np.int32), N)
@@ -62,6 +63,36 @@ def test_light_from_behind_the_pane_does_not_count() -> None:
     assert np.abs(frosted(even, 40.0, np.float32([0, 1, 0])).reshape(-1, 3)[toward] - 0.7).max() < 1e-5
 
 
+def test_smooth_glass_lets_through_what_fresnel_says() -> None:
+    """The least rough pane beside a slab of two smooth faces, with all that goes to and fro between them."""
+    angle = np.radians([0, 20, 40, 50])
+    within = np.arcsin(np.sin(angle) / 1.5)
+    one = (np.cos(angle) - 1.5 * np.cos(within)) / (np.cos(angle) + 1.5 * np.cos(within))
+    two = (1.5 * np.cos(angle) - np.cos(within)) / (1.5 * np.cos(angle) + np.cos(within))
+    reflected = (one**2 + two**2) / 2
+    assert rough_pane(0.02).share(np.cos(angle)) == pytest.approx((1 - reflected) / (1 + reflected), abs=0.01)
+
+
+def test_rough_glass_is_what_a_path_tracer_refracts_through() -> None:
+    """Mitsuba's roughdielectric, GGX 0.5, before a smooth face (benchmarks/portals, part rough-glass)."""
+    pane, angle = rough_pane(0.5), np.radians([0, 15, 30, 40, 50, 60, 70, 80])
+    known = [0.902, 0.890, 0.829, 0.719, 0.518, 0.299, 0.162, 0.107]
+    assert pane.share(np.cos(angle)) == pytest.approx(known, abs=0.008)
+    assert pane.turned_deg == pytest.approx(14.5, abs=0.3)
+
+
+def test_rough_glass_dims_a_shell_at_a_slant() -> None:
+    even, up = np.ones((6, N, N, 3), np.float32), np.float32([0, 1, 0])
+    glass = Glass("*", "frosted", rough=0.5)
+    flat = through_glass(even, glass, up).reshape(-1, 3)[:, 0]
+    known = rough_pane(0.5).share(DIRECTIONS @ up)
+    assert flat == pytest.approx(known, abs=1e-5)
+    uneven = through_glass(even, glass, np.zeros(3, np.float32))
+    above = np.maximum(DIRECTIONS @ up, 0) * AREAS
+    assert uneven == pytest.approx(float((flat * above).sum() / above.sum()), abs=5e-3)
+    assert through_glass(even, Glass("*", "frosted"), up).max() == pytest.approx(1.0, abs=1e-5)
+
+
 def test_the_last_glass_that_fits_is_a_portals() -> None:
     given = [Glass("*", blind=0.5), Glass("red*", "frosted"), Glass("red 2", "shut")]
     found = glass_of(["red 1", "red 2", "blue [1]"], given)
@@ -81,6 +112,8 @@ def test_the_last_glass_that_fits_is_a_portals() -> None:
         ({"frost_deg": -1.0}, "expected 0 to 60"),
         ({"frost_deg": math.nan}, "expected 0 to 60"),
         ({"blind": 1.5}, "expected 0 to 1"),
+        ({"kind": "frosted", "rough": 1.5}, "expected 0.02 to 1"),
+        ({"rough": 0.5}, "of frosted glass"),
     ],
 )
 def test_values_out_of_range_are_refused(values, reason) -> None:
@@ -106,8 +139,12 @@ def test_a_rig_says_what_glass_is(tmp_path) -> None:
         [[portal]]
         name = "red *"
         tint = [1, 0.1, 0.1]
+
+        [[portal]]
+        rough = 0.3
     """
-    first, second, third = rig(tmp_path / "a.toml", text).portals
+    first, second, third, fourth = rig(tmp_path / "a.toml", text).portals
+    assert fourth == Glass("*", "frosted", rough=0.3)
     assert first == Glass("east window", "frosted", None, 20.0, 0.25)
     assert (second.name, second.kind) == ("*", "shut")
     assert third.tint == (1.0, 0.1, 0.1)
@@ -122,6 +159,8 @@ def test_a_rig_says_what_glass_is(tmp_path) -> None:
         ("[[portal]]\nfrost_deg = 90", "/portal/0/frost_deg"),
         ('[[portal]]\nglass = "clear"\nfrost_deg = 9', "frost_deg is of frosted glass"),
         ("[[portal]]\nblind = -1", "/portal/0/blind"),
+        ("[[portal]]\nrough = 0.3\nfrost_deg = 9", "frost_deg or rough, not both"),
+        ('[[portal]]\nglass = "shut"\nrough = 0.3', "rough is of frosted glass"),
         ("[[portal]]\ncolour = [1, 1, 1]", "'colour' is not known here; known are name, glass"),
     ],
 )

@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from prelight.baking.portals_plan import plan_portals
 from prelight.baking.portals_room import without_triangles
-from prelight.errors import DamagedBakeError
+from prelight.baking.portals_settings import PortalsSettings
+from prelight.errors import DamagedBakeError, InputError
 from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
 from prelight.lighting.glass import Glass
 from prelight.lighting.rig import Rig
+from prelight.material import Material
 from prelight.rays.mitsuba import Occluders, triangle_scene
 from prelight.relighting.portal_sun_caustics import PortalSunCaustics
 from prelight.relighting.portals import PortalsRelighter
@@ -117,6 +120,13 @@ def test_what_bounced_before_goes_by_harmonics(scene) -> None:
     red = caustics.bounced_harmonics(first, np.float32([[1, 0.5, 0]]), slice(1, 3), order=1)
     np.testing.assert_allclose(red, low[:, 1:3] * np.float32([1, 0.5, 0]), rtol=1e-5, atol=1e-9)
     assert low[:, 0, 0].sum() < 2 * in_even_light(caustics, len(scene.positions)).sum()
+
+
+def test_hair_in_a_room_with_glass_is_refused_before_anything_is_paid() -> None:
+    room_ = crystal_room()
+    fur = replace(room_, materials=(Material("fur", bsdf={"type": "hair"}), *room_.materials[1:]))
+    with pytest.raises(InputError, match="fur: its bsdf hair scatters as fibres do"):
+        plan_portals(fur, PortalsSettings())
 
 
 def test_a_room_without_glass_has_none() -> None:

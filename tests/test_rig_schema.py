@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 _OUT = {"direction": [1.0, 0.5, 0.0], "target": [0.0, 1.0, 0.0], "power": 3.0, "ies": "a.ies", "layer": "key",
         "kelvin": 3000.0, "color": [1.0, 0.5, 0.2], "lumens": 800.0, "intensity": [1.0, 2.0, 3.0], "at": 1.0,
         "radiance": [1.0, 1.0, 1.0], "azimuth_deg": 20.0, "elevation_deg": 10.0, "spread_deg": 40.0, "width_deg": 30.0,
-        "frost_deg": 10.0, "glass": "clear", "radius_deg": 3.0, "softness": 0.5, "picture": "gobo.png",
+        "frost_deg": 10.0, "rough": 0.5, "glass": "clear", "radius_deg": 3.0, "softness": 0.5, "picture": "gobo.png",
         "elevation_range_deg": [0.0, 30.0], "scene": "stock:town", "misspelt": 1, "position": [0.5, 0.5],
         "size": [1.0, 2.0], "width": 0.5, "polynomial": [0.0, 1.0], "radius": 0.1, "power_w": 20.0}  # fmt: skip
 _WRONG: tuple[Any, ...] = (

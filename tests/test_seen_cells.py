@@ -10,8 +10,10 @@ from prelight.lighting.environment import Environment
 from prelight.rays.mitsuba import Occluders, triangle_scene
 from prelight.rays.surfaces import SurfaceScene
 from prelight.scene.geometry import Scene
+from prelight.scene.variant import mitsuba
 from prelight.transport import seen_cells
 from prelight.transport.eye import vertex_points
+from prelight.transport.opening_emitter import opening_emitter
 from prelight.transport.path_tracing import path_traced_view
 from prelight.transport.seen_cells import CELLS, Glazing, Seen, seen_from
 
@@ -118,3 +120,19 @@ def test_the_reference_finds_the_same_light_sooner_when_it_knows_the_window():
     assert noise_b.mean() < 0.5 * noise_a.mean()
     assert abs((a - b).mean()) < 4 * np.sqrt((noise_a + noise_b).sum()) / a.size
     assert b.mean() == pytest.approx(a.mean(), rel=0.05)
+
+
+@pytest.mark.parametrize("height", [0.5 * HEIGHT, HEIGHT], ids=["below the window", "on its rim"])
+def test_looking_for_a_window_finds_no_more_light_than_there_is(height):
+    import drjit as dr
+
+    mi = mitsuba()
+    window = [[LOW[0], HEIGHT, LOW[1]], [HIGH[0] - LOW[0], 0, 0], [0, 0, HIGH[1] - LOW[1]]]
+    even = np.ones((6, 4, 4, 3), np.float32)
+    scene = mi.load_dict({"type": "scene", "sky": opening_emitter(mi, even, np.array([window]))})
+    sampler, count = mi.load_dict({"type": "independent"}), 1 << 16
+    sampler.seed(1, count)
+    here = dr.zeros(mi.SurfaceInteraction3f, count)
+    here.p = mi.Point3f(mi.Float(np.full(count, LOW[0], np.float32)), height, LOW[1])
+    _, found = scene.sample_emitter_direction(here, sampler.next_2d(), False)
+    assert np.array(found.x).mean() == pytest.approx(4 * np.pi, rel=0.03)  # ∫ 1 dω

@@ -105,6 +105,30 @@ def test_every_control_sends_what_it_says(browser):
         assert not visit.complaints
 
 
+def test_no_edit_is_lost_where_the_studio_answers_late(browser):
+    """Each edit is made of what is seen, which has those on their way; another visitor's do not take them off."""
+    studio = patches(WHITE, lag=0.4)
+    with serving(studio), visiting(browser, studio.url, width=800, height=450) as visit:
+        visit.settled()
+        page = visit.page
+        page.get_by_role("button", name="Add lamp").click()
+        for name, value in (("Dimmer", 50), ("Warmth", 2500), ("Radius", -0.5)):
+            visit.slide("Lamps", name, value)
+            page.wait_for_timeout(500)  # answers to earlier ones come in between
+            studio.state |= {"rotation_deg": studio.state["rotation_deg"] + 7.0, "author": 99}
+        seen = page.evaluate("() => __prelight.look().lamps")
+        wait_for(lambda: studio.state["lamps"] == seen)
+        (lamp,) = studio.state["lamps"]
+        assert (lamp["dim"], lamp["radius"]) == (0.5, pytest.approx(10**-0.5, rel=0.01))
+        assert lamp["color"][0] > 2 * lamp["color"][2]
+        visit.until("__prelight.look().rotation_deg", lambda turn: turn == 21)
+        studio.lag, studio.refuses = 0.0, "no more"
+        visit.slide("Lamps", "Dimmer", 10)
+        page.get_by_role("alert").get_by_text("no more").wait_for()
+        visit.until("__prelight.look().lamps[0].dim", lambda dim: dim == 0.5)
+        assert not visit.complaints
+
+
 def test_camera_and_keyboard_move_the_eye(browser, rng):
     studio = patches(rng.uniform(0, 1, (ROWS * COLUMNS, 3)))
     side = {**STRAIGHT, "name": "aside", "eye": (6.0, 1.0, 8.0)}
@@ -232,7 +256,7 @@ def test_100_000_vertices_arrive_without_a_queue(browser):
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()[:, None]
     triangles = np.concatenate([corner + np.array([0, side, 1]), corner + np.array([1, side, side + 1])])
     rows = np.ones((side * side, 3))
-    studio = StandIn(positions, triangles, lambda _: rows, [STRAIGHT], streaming=True)
+    studio = StandIn(positions, triangles, lambda _: rows, [STRAIGHT], streaming=240)
     once = studio.frame()
     studio.frame = lambda: once[:4] + np.uint32(len(studio.received)).tobytes() + once[8:]
     with serving(studio), visiting(browser, studio.url) as visit:
@@ -241,9 +265,7 @@ def test_100_000_vertices_arrive_without_a_queue(browser):
         visit.until("__prelight.metrics.updates", lambda count: count > began + 60, seconds=30)
         most = visit.page.evaluate(MOST_IN_A_SECOND)
         assert most >= 30, "updates in the best second; there are others on this machine"
-        visit.until(
-            "__prelight.metrics.uploads", lambda count: count >= 12, seconds=60
-        )  # drawing may be slow
+        visit.until("__prelight.metrics.uploads", lambda count: count >= 5, seconds=60)  # drawing may be slow
         script = visit.page.evaluate("() => [...__prelight.metrics.scriptMs]")
         upload = visit.page.evaluate("() => [...__prelight.metrics.uploadMs]")
         assert (
@@ -263,6 +285,41 @@ def test_no_small_drawing_waits_for_the_scene(browser):
         visit.until("document.querySelectorAll('#panel canvas').length", lambda count: count >= 4)
         visit.page.wait_for_timeout(300)  # the thumbnails
         assert visit.page.evaluate(accelerated) == 0
+
+
+NAMELESS = """() => {
+  const controls = document.querySelectorAll("button, input, select, [role=slider], [role=switch]");
+  const name = (one) => one.getAttribute("aria-label") || one.textContent || one.labels?.[0]?.textContent || "";
+  const nameless = [...controls].filter((one) => !one.closest("[aria-hidden=true]") && name(one).trim() === "");
+  return nameless.map((one) => one.outerHTML.slice(0, 100));
+}"""
+FOCUSED = """() => {
+  const one = document.activeElement;
+  return one.getAttribute("aria-label") ?? one.textContent;
+}"""
+
+
+def test_every_control_has_a_name_and_is_reached_by_keys(browser):
+    """With a lamp, a light, glass and a world to set; the tab key goes through all of them and to the scene."""
+    everything = {
+        "takes": ["environment", "lamps", "glass"],
+        "portals": [{"name": "left glass", "tint": [1, 1, 1]}],
+        "worlds": [{"id": "town.toml", "title": "town", "duration": 3.0}],
+    }
+    with serving(patches(WHITE, welcome=everything)) as studio, visiting(browser, studio.url) as visit:
+        visit.settled()
+        page = visit.page
+        page.get_by_role("button", name="Add lamp").click()
+        page.get_by_role("button", name="Add a light").click()
+        visit.until("document.querySelectorAll('.dot').length", bool)
+        assert page.evaluate(NAMELESS) == []
+        met = set()
+        for _ in range(90):
+            page.keyboard.press("Tab")
+            met.add(page.evaluate(FOCUSED))
+        assert {"Turn of the sky", "Blind", "World outside", "Dimmer", "Exposure", "straight", "Keys"} <= met
+        assert any((name or "").startswith("The scene.") for name in met)
+        assert not visit.complaints
 
 
 def test_nobody_else_is_asked(browser):

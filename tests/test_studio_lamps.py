@@ -19,6 +19,7 @@ from .portal_rooms import portals_of, two_windows
 from .studio_bakes import lamps_bake
 from .studio_browser import HEIGHT, WIDTH, Visit, chromium, visiting
 from .test_studio_live import LEFT, RIGHT, changed, link, scene_alone
+from .test_studio_views import town
 
 STOPS = -1.0
 
@@ -267,11 +268,11 @@ def test_a_rig_is_saved_and_opened(visit, bake, tmp_path, prelight):
     assert look(visit)["lamps"]
 
 
-def test_glass_is_shut_tinted_and_covered(browser, tmp_path):
-    """Two windows: one shut takes its share, red glass leaves red, blinds before both leave the room dark."""
+def test_glass_and_a_world_outside(browser, tmp_path):
+    """One of two windows shut takes its share, red glass leaves red, frost spreads the sun, a wall takes light."""
     portals_of(two_windows(), tmp_path / "room.prelight")
     with (
-        running(tmp_path / "room.prelight", state_file=tmp_path / "s.json") as live,
+        running(tmp_path / "room.prelight", state_file=tmp_path / "s.json", rigs=[town(tmp_path)]) as live,
         visiting(browser, link(live), height=540) as visit,
     ):
         visit.settled()
@@ -295,10 +296,28 @@ def test_glass_is_shut_tinted_and_covered(browser, tmp_path):
         assert red[..., 0].mean() > 0.95 * before[..., 0].mean()
         changed(visit, page.get_by_role("button", name="As built").click)
         assert np.abs(linear(visit) - before).mean() < 0.003
+        changed(visit, lambda: page.get_by_role("combobox", name="World outside").select_option("town.toml"))
+        far = linear(visit)
+        changed(visit, lambda: visit.slide("Outside", "Time", 4))
+        near = linear(visit)
+        surfaces = np.abs(before - shut).sum(axis=2) > 0.02
+        assert near[surfaces].mean() < 0.98 * far[surfaces].mean(), "the wall before the left window"
+        changed(visit, lambda: page.get_by_role("combobox", name="World outside").select_option(""))
+        assert np.abs(linear(visit) - before).mean() < 0.003
+        changed(visit, page.get_by_role("radio", name="noon").click)
+        for turn in (60, 90):  # the sun comes in at one of the windows
+            changed(visit, lambda turn=turn: visit.slide("Sky", "Turn", turn))
+        sunny = linear(visit)
+        changed(visit, page.get_by_role("radio", name="Frosted").click)
+        frosted = linear(visit)
+        changed(visit, lambda: visit.slide("Glass", "Frost", 50))
+        assert np.abs(frosted - sunny)[surfaces].mean() > 0.002
+        assert np.abs(linear(visit) - frosted)[surfaces].mean() > 0.001
+        changed(visit, page.get_by_role("radio", name="Clear", exact=True).click)
+        changed(visit, page.get_by_role("radio", name="overcast").click)
         for name in ("left glass", "right glass"):
             glass.get_by_role("button", name=name).click()
             changed(visit, lambda: visit.slide("Glass", "Blind", 100))
         assert page.evaluate("() => __prelight.look().glass.length") == 2
-        surfaces = np.abs(before - shut).sum(axis=2) > 0.02
         assert linear(visit)[surfaces].max() < 0.02
         assert not visit.complaints

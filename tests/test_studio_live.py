@@ -72,21 +72,11 @@ def scene_alone(visit: Visit) -> np.ndarray:
 
 def changed(visit: Visit, *touch) -> None:
     """Do something, and wait for the exact light of it."""
-    before = at_rest(visit)
+    visit.settled()
+    before = visit.metric("lastSequence")
     for each in touch:
         each()
     visit.settled(after=before + 1)
-    at_rest(visit)
-
-
-def at_rest(visit: Visit) -> int:
-    """The sequence of the exact light, once nothing follows any more: a drag may have more to come."""
-    known, seen = -1, visit.metric("lastSequence")
-    while seen != known:
-        visit.page.wait_for_timeout(250)
-        visit.settled()
-        known, seen = seen, visit.metric("lastSequence")
-    return seen
 
 
 def test_turning_the_sky_moves_the_shadow(visit, bake):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -173,24 +175,56 @@ def test_the_timeline_fades_from_look_to_look(browser):
             line.get_by_role("button", name="Add key").click()
             wait_for(lambda count=count: len(studio.state["timeline"]) == count)
         assert [key["look"] for key in studio.state["timeline"]] == ["Blue", "Red"]
-        line.get_by_role("spinbutton", name="Key 2 at").fill("4")
+        line.get_by_role("spinbutton", name="Key 2 at").fill("1.2")
         line.get_by_role("spinbutton", name="Key 2 at").press("Enter")
-        wait_for(lambda: studio.state["timeline"][1]["at"] == 4.0)
-        visit.slide("Timeline", "Time", 1)
+        wait_for(lambda: studio.state["timeline"][1]["at"] == 1.2)
+        visit.slide("Timeline", "Time", 0.3)
         visit.until("__prelight.metrics.sides")
         middle = srgb_decode(visit.pixels()[200:240, 200:240].astype(np.uint8)).mean(axis=(0, 1))
         assert np.abs(middle - (0.75 * lights["Blue"] + 0.25 * lights["Red"])).max() < 0.02
-        visit.slide("Timeline", "Time", 3.8)
+        visit.slide("Timeline", "Time", 1.1)
         line.get_by_role("button", name="Play").click()
         line.get_by_role("button", name="Play").wait_for()  # again: it has come to its end
         end = srgb_decode(visit.pixels()[200:240, 200:240].astype(np.uint8)).mean(axis=(0, 1))
         assert np.abs(end - lights["Red"]).max() < 0.02
+        with page.expect_download() as film:
+            line.get_by_role("button", name="Film").click()
+        first, last = filmed(visit, film.value)
+        assert np.argmax(first) == 2, "it begins with the blue look"
+        assert np.argmax(last) == 0, "and ends with the red one"
         line.get_by_role("button", name="Live").click()
         live = srgb_decode(visit.pixels()[200:240, 200:240].astype(np.uint8)).mean(axis=(0, 1))
         assert np.abs(live - 0.4).max() < 0.02
         line.get_by_role("button", name="Remove key 1").click()
         wait_for(lambda: len(studio.state["timeline"]) == 1)
         assert not visit.complaints
+
+
+def filmed(visit, download) -> tuple[np.ndarray, np.ndarray]:
+    """The colours in the middle of a film's first and last pictures, as a browser plays it."""
+    assert download.suggested_filename.startswith("timeline.")
+    film = base64.b64encode(Path(download.path()).read_bytes()).decode()
+    kind = "mp4" if download.suggested_filename.endswith("mp4") else "webm"
+    page = visit.page.context.new_page()  # the studio's own plays nothing
+    colours = page.evaluate(
+        """async (address) => {
+          const video = Object.assign(document.createElement("video"), {src: address, muted: true});
+          const canvas = Object.assign(document.createElement("canvas"), {width: 1, height: 1});
+          const pen = canvas.getContext("2d");
+          const at = (seconds) => new Promise((resolve) => {
+            video.onseeked = () => {
+              pen.drawImage(video, video.videoWidth / 4, video.videoHeight / 2, 1, 1, 0, 0, 1, 1);
+              resolve([...pen.getImageData(0, 0, 1, 1).data.slice(0, 3)]);
+            };
+            video.currentTime = seconds;
+          });
+          await new Promise((resolve) => (video.onloadeddata = resolve));
+          return [await at(0.01), await at(1e6)];
+        }""",
+        f"data:video/{kind};base64,{film}",
+    )
+    page.close()
+    return np.array(colours[0]), np.array(colours[1])
 
 
 def test_the_path_tracers_picture_lies_where_its_camera_saw_it(browser):

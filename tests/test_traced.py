@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from prelight.baking.environment import bake_environment
+from prelight.bases.cube_map import directions
 from prelight.camera import Camera
 from prelight.checking.against import Comparison
 from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
 from prelight.material import Material
+from prelight.rays.plain import PlainOccluders, PlainVisibility
 from prelight.relighting.relighter import Relighter
 from prelight.transport.exact import integrate_exactly
 
@@ -134,3 +136,26 @@ def test_under_a_fixed_eye(tmp_path):
         errors[traced] = Comparison(light, count=0).run(samples=None)["relative_rms"]
     assert errors[False] > 0.05
     assert errors[True] < 0.01
+
+
+def test_at_pixels_a_texel_throws_a_penumbra_as_wide_as_it_is(coarse):
+    environment = Environment.from_cube(sunny())
+    suns = lit(coarse, environment, trace_strong=True).fine_suns
+    assert suns is not None
+    rng = np.random.default_rng(3)
+    points = np.zeros((9000, 3), np.float32)
+    points[:, [0, 2]] = rng.uniform(-1.4, 1.4, (9000, 2))
+    up = np.tile(np.float32([0, 1, 0]), (9000, 1))
+    face, row, column = SUN
+    u, v = (2 * (k + rng.random(400)) / R - 1 for k in (column, row))
+    anywhere = directions(np.full(400, face), u, v).astype(np.float32)
+    free = PlainVisibility(
+        PlainOccluders(coarse.receivers.positions, coarse.triangles), origins=points, normals=up
+    ).trace(anywhere)[0]
+    true = np.unpackbits(free, axis=1, count=9000, bitorder="little").mean(axis=0)
+    light = suns.lamp_light_at(points, up)[:, 1]
+    share = light / light.max()
+    half = (true > 0.02) & (true < 0.98)
+    assert half.sum() > 60
+    assert np.abs(share - true)[half].mean() < 0.06  # one ray alone: 0.25 or so
+    np.testing.assert_allclose(share[~half], true[~half], atol=0.07)

@@ -26,14 +26,16 @@ class Settings:
     """Of all parts; small unless the command line says otherwise."""
 
     detail, side, samples, shown_samples, order = 0.5, 72, 18432, 72, 8
-    resolution, tolerance, gather_rays, pixels = 64, 0.005, 1024, 160
+    resolution, tolerance, gather_rays, pixels, foot = 64, 0.005, 1024, 160, 0.0
 
 
 def looked_at(make, kind: str, sky: str, data: Path, work: Path) -> dict[str, Any]:
     """Bake, look from five eyes, compare."""
     s = Settings
-    looked = make(data, kind, detail=s.detail)
+    in_room = {"foot": s.foot} if make is glossy_scenes.in_a_room else {}
+    looked = make(data, kind, detail=s.detail, **in_room)
     named = f"{looked.scene.name}-{s.detail:g}-{kind}-{s.order}-{s.resolution}"
+    named += f"-{s.foot:g}" * bool(s.foot and in_room)
     bake, seconds = _baked(looked, work / f"{named}.prelight")
     light = pl.Relighter(bake)
     light.environment = pl.Rig.open(sky).environment

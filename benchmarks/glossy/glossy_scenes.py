@@ -10,6 +10,7 @@ import numpy as np
 import prelight as pl
 from prelight.material import Material
 from prelight.scene.geometry import Scene
+from prelight.scene.refinement import edges_of, halved
 from prelight.scene.stock import room as rooms
 
 EYES = 5
@@ -50,8 +51,8 @@ def under_a_sky(data: Path, kind: str, *, detail: float) -> Looked:
     return _made(scene, object_, kind)
 
 
-def in_a_room(data: Path, kind: str, *, detail: float) -> Looked:
-    """The vase on its plinth, in the room with one window."""
+def in_a_room(data: Path, kind: str, *, detail: float, foot: float = 0.0) -> Looked:
+    """The vase on its plinth, in the room with one window; ``foot``: longest edges beneath it, metres; 0: its own."""
     del data
     scene = rooms.room(detail=detail)
     m = next(k for k, material in enumerate(scene.materials) if material.name == rooms.TEAL.name)
@@ -63,9 +64,29 @@ def in_a_room(data: Path, kind: str, *, detail: float) -> Looked:
     made = replace(
         scene, materials=tuple(materials), albedo=albedo, tint=None if scene.tint is None else tint
     )
+    if foot:
+        made = _finer_below(made, on, foot)
+        on = made.material_of_vertex == m
     (z0, z1), (y0, y1) = rooms.WINDOW
     window = [[-rooms.HALF_WIDTH - rooms.WALL, y0, z0], [0, y1 - y0, 0], [0, 0, z1 - z0]]
-    return Looked(made, m, _around(scene.positions[on], distance=1.9, up=0.25), np.array([window]))
+    return Looked(made, m, _around(made.positions[on], distance=1.9, up=0.25), np.array([window]))
+
+
+def _finer_below(scene: Scene, object_: np.ndarray, edge: float) -> Scene:
+    """What an object stands on, as wide about it as it is tall, in edges up to ``edge`` and a third."""
+    own = scene.positions[object_]
+    middle, low = (own.min(axis=0) + own.max(axis=0)) / 2, own[:, 1].min()
+    while True:
+        corners = scene.positions[scene.triangles]
+        level = (np.abs(corners[:, :, 1] - low) < 0.01) & (scene.normals[scene.triangles, 1] > 0.9)
+        aside = np.linalg.norm((corners.mean(axis=1) - middle)[:, [0, 2]], axis=1)
+        ends = edges_of(scene.triangles[level.all(axis=1) & (aside < 0.5 * np.ptp(own[:, 1]))])
+        long = (
+            np.linalg.norm(scene.positions[ends[:, 0]] - scene.positions[ends[:, 1]], axis=1) > 4 / 3 * edge
+        )
+        if not long.any():
+            return scene
+        scene, _ = halved(scene, np.unique(np.sort(ends[long], axis=1), axis=0))
 
 
 def ball_on_floor(rings: int) -> tuple[Scene, np.ndarray]:

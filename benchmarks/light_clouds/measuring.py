@@ -113,12 +113,15 @@ def columns_lost(light: CloudRelighter, truth: Truth, chosen: np.ndarray) -> dic
     Irradiance, and radiance: times the albedo.
     """
     _, indirect = truth.light(light.layer.grid[chosen])
-    albedo, lost, shown = truth.scene.albedo, [], []
+    albedo, lost, shown, squares = truth.scene.albedo, [], [], np.zeros(2)
     for k, light_of_grid in enumerate(chosen):
         light.shine([point(light.layer.grid[light_of_grid])])
         lost.append(off(light.indirect, indirect[:, k], truth.areas))
         shown.append(off(albedo * light.indirect, albedo * indirect[:, k], truth.areas))
+        for part, values in enumerate((light.indirect - indirect[:, k], indirect[:, k])):
+            squares[part] += (truth.areas[:, None] * np.square(albedo * values, dtype=np.float64)).sum()
     return {"lights": len(chosen), "irradiance": spread(lost), "radiance": spread(shown),
+            "radiance_of_all_together": float(np.sqrt(squares[0] / squares[1])),
             "coefficients": light.bake.layers[light.name].statistics["coefficients_a_vertex"]}  # fmt: skip
 
 

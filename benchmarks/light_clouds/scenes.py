@@ -37,11 +37,11 @@ def _sponza(data: Path) -> Scene:
 SCENES: dict[str, tuple[Callable[[Path], Scene], dict[str, Any]]] = {
     "cornell": (partial(_stock, "cornell"), {"lights": 216, "box": CORNELL_BOX}),
     "window": (partial(_stock, "pierced-box"), {"lights": 250, "box": WINDOW_BOX}),
-    "maze": (lambda _: maze(detail=1.08), {"lights": 1024, "box": MAZE_BOX}),
-    "sponza": (_sponza, {"lights": 384, "gather_rays": 256}),
+    "maze": (lambda _: maze(detail=1.08), {"lights": 1024, "modes": 1024, "box": MAZE_BOX}),
+    "sponza": (_sponza, {"lights": 384, "gather_rays": 256, "modes": 256, "memory": 6_000_000_000}),
     "cornell-small": (partial(_stock, "cornell-small"), {"lights": 216, "box": CORNELL_BOX}),
     "window-small": (partial(_stock, "pierced-box-small"), {"lights": 250, "box": WINDOW_BOX}),
-    "maze-small": (partial(_stock, "maze-small"), {"lights": 1024, "box": MAZE_BOX}),
+    "maze-small": (partial(_stock, "maze-small"), {"lights": 1024, "modes": 1024, "box": MAZE_BOX}),
     "room-small": (partial(_stock, "room-small"), {"lights": 384, "box": ROOM_BOX}),
 }
 

@@ -119,8 +119,8 @@ def cloud(work: Path, *, small: bool = False) -> dict[str, Any]:
     Vertices of the floor where photons of the very lamp bring a tenth of the brightest; their
     caustic beside the cloud's.
     """
-    scene = room_with_ball(cells=24 if small else 48, rings=16 if small else 48, window=False)
-    radius, lights = 0.05, 60 if small else 150
+    scene = room_with_ball(cells=24 if small else 96, rings=16 if small else 32, window=False)
+    radius, lights = 0.15, 60
     settings = {
         name: CloudSettings(
             lights=lights, box=((0.4, 1.0, 0.4), (2.0, 1.6, 2.0)), radius=radius, photons=photons

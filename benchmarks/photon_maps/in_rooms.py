@@ -108,7 +108,7 @@ def both_ways(work: Path, *, small: bool = False) -> dict[str, Any]:
 
 def portal(work: Path, *, small: bool = False) -> dict[str, Any]:
     """A window's 25 harmonics by one map of photons, and by one map for each: seconds, and how they differ."""
-    scene = stock_room(detail=0.34 if small else 0.7)
+    scene = stock_room(detail=0.34 if small else 0.5)
     occluders = Occluders(scene.positions, scene.triangles)
     low, high = scene.positions.min(axis=0), scene.positions.max(axis=0)
     y, z = (low + high)[1:] / 2
@@ -124,7 +124,7 @@ def portal(work: Path, *, small: bool = False) -> dict[str, Any]:
     photons.more(1 << 17)
     photons.light()  # compiles
     started = time.perf_counter()
-    photons.more((1 << 17) if small else 2_000_000)
+    photons.more((1 << 17) if small else 500_000)
     traced = time.perf_counter() - started
 
     def harmonics(order: int) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ import rooms
 from prelight.baking.portals_refining import refined
 from prelight.baking.portals_room import without_triangles
 from prelight.baking.portals_settings import PortalsSettings
+from prelight.bases import cube_map
+from prelight.lighting.disc import Disc, add_discs
 from prelight.lighting.environment import Environment
 from prelight.lighting.frost import frosted
 from prelight.lighting.glass import Glass
@@ -23,11 +26,18 @@ from prelight.relighting.portals import PortalsRelighter
 from prelight.scene.geometry import Scene
 from prelight.scene.variant import mitsuba
 
+SUN = np.array([-0.74, 0.55, 0.38])  # toward it: through the window past the bunny
+SUN_DEG, SUN_SHARE, SUN_RESOLUTION = (
+    0.265,
+    2.0,
+    512,
+)  # its radius; its light, of the sky's; texels of the reference's cube
 OUTWARD = np.array([-1.0, 0.0, 0.0])
 POINTS, SAMPLES, CHUNK = 600, 8192, 2048
 SIZE = (320, 240)
 TINT, FROST = (0.35, 0.55, 0.95), 15.0
 BEHIND, BEFORE = 270.0, 90.0  # the sky turned so that its sun stands behind the box, or shines in
+SHADOW_RAYS = 32  # from a point of the picture to the sun
 
 
 @dataclass(frozen=True)
@@ -39,23 +49,36 @@ class Case:
     turn: float = BEHIND
     order: int = 8
     refine: float = 1.0
+    sun: bool = False
 
     @property
     def reference(self) -> str:
         """What its reference is kept as: a tint is a factor of it."""
-        return f"{self.window:g}-{self.glass.frost:g}-{self.turn:g}"
+        return f"{self.window:g}-{self.glass.frost:g}-{self.turn:g}" + ("-sun" if self.sun else "")
 
 
 CASES = {
     "large": Case(), "order-4": Case(order=4), "small": Case(window=rooms.SMALL),
     "tinted": Case(glass=Glass(tint=TINT)), "frosted": Case(glass=Glass(kind="frosted", frost_deg=FROST)),
-    "sun": Case(turn=BEFORE), "sun-refined": Case(turn=BEFORE, refine=2.0), "refined": Case(refine=2.0),
+    "sun": Case(sun=True), "sun-refined": Case(sun=True, refine=2.0), "refined": Case(refine=2.0),
 }  # fmt: skip
 
 
 def sky(data: Path, turn: float) -> Environment:
     """A sunny sky."""
     return Environment.open(data / "skies" / "kloppenheim_05_1k.hdr").rotated(turn)
+
+
+def sky_of(data: Path, case: Case) -> Environment:
+    """The sky of a case, with a sun as a disc where it has one."""
+    plain = sky(data, case.turn)
+    if not case.sun:
+        return plain
+    fallen = np.einsum("fyxc,fyx->c", plain.cube(32), np.tile(cube_map.solid_angles(32), (6, 1, 1)))
+    size = 2 * math.pi * (1 - math.cos(math.radians(SUN_DEG)))
+    x, y, z = (SUN / np.linalg.norm(SUN)).tolist()
+    red, green, blue = (SUN_SHARE * fallen.mean() / size * np.array([1.1, 1.0, 0.85])).tolist()
+    return plain.with_discs([Disc((x, y, z), SUN_DEG, (red, green, blue))])
 
 
 def open_box(data: Path, window: float) -> Scene:
@@ -67,6 +90,10 @@ def open_box(data: Path, window: float) -> Scene:
 def emitter_of(data: Path, case: Case) -> Any:
     """The sky, through the glass but for its tint, as Mitsuba asks for it."""
     cube = frosted(sky(data, case.turn).cube(32), case.glass.frost, OUTWARD.astype(np.float32))
+    if case.sun:  # the same cells, finer, and the disc before them
+        many = SUN_RESOLUTION // 32
+        cube = np.repeat(np.repeat(cube, many, axis=1), many, axis=2)
+        add_discs(cube, sky_of(data, case).discs)
     low, high = (rooms.SIDE - case.window) / 2, (rooms.SIDE + case.window) / 2
     return through_window(mitsuba(), lit_sides(cube, OUTWARD), low=low, high=high)
 
@@ -107,13 +134,25 @@ def lit_box(data: Path, work: Path, case: Case) -> tuple[PortalsRelighter, Scene
     scene = rooms.box(data, window=case.window)
     settings = PortalsSettings(rays=4096, gather_rays=1024, order=case.order)
     if case.refine > 1:
-        skies = [sky(data, case.turn).cube(64)]
+        skies = [sky_of(data, case).cube(64)]
         scene = refined(scene, settings, factor=case.refine, skies=skies)
-    turn = case.turn if case.refine > 1 else 0
-    path = work / f"box-{case.window:g}-{case.order}-{case.refine:g}-{turn:g}.prelight"
+    own = case.reference if case.refine > 1 else f"{case.window:g}"
+    path = work / f"box-{own}-{case.order}-{case.refine:g}.prelight"
     light, room, figures = baked(scene, path, settings, keep=True)
-    light.light(Rig(sky(data, case.turn), portals=(case.glass,)))
+    light.light(Rig(sky_of(data, case), portals=(case.glass,)))
     return light, room.open, figures
+
+
+def shown(light: PortalsRelighter, scene: Scene, at: Points) -> tuple[np.ndarray, np.ndarray]:
+    """Direct and all light at points as pictures have them: between vertices, but the sun's by rays from the points."""
+    direct, whole = light.direct, light.irradiance
+    suns = light.point_lit
+    if suns is None:
+        return at.of(scene, direct), at.of(scene, whole)
+    places = at.of(scene, scene.positions.astype(np.float64)).astype(np.float32)
+    normals = at.normals(scene).astype(np.float32)
+    more = suns.lamp_light_at(places, normals, shadow_rays=SHADOW_RAYS)
+    return tuple(at.of(scene, values - suns.lamp_light) + more for values in (direct, whole))  # ty: ignore
 
 
 def against_path_tracer(data: Path, work: Path, case: Case) -> dict[str, Any]:
@@ -121,7 +160,7 @@ def against_path_tracer(data: Path, work: Path, case: Case) -> dict[str, Any]:
     true = reference(data, work, case)
     light, scene, figures = lit_box(data, work, case)
     at = found_on(scene, true["places"], true["normals"])
-    direct, whole = at.of(scene, light.direct), at.of(scene, light.irradiance)
+    direct, whole = shown(light, scene, at)
     factor = true["albedo"] * np.array(case.glass.tint or (1.0, 1.0, 1.0))
     total = true["direct"] + true["indirect"]
     ours = {"direct": direct, "bounced": whole - direct, "all": whole}

@@ -13,6 +13,7 @@ from prelight.baking.portals_plan import plan_portals
 from prelight.baking.portals_room import PortalsRoom
 from prelight.baking.portals_settings import PortalsSettings
 from prelight.lighting.environment import Environment
+from prelight.rays.offset import ray_offset
 from prelight.relighting.portals import PortalsRelighter
 from prelight.scene.geometry import Scene
 from prelight.storage.bake import Bake
@@ -68,17 +69,35 @@ def relights(room: PortalsRelighter, sky: Environment) -> dict[str, float]:
 
 
 def chosen_receivers(room: PortalsRoom, light: PortalsRelighter, count: int = RECEIVERS) -> np.ndarray:
-    """Vertices by the area around them, among those that light through portals reaches at all."""
+    """Vertices by the area around them, among those indoors that light through portals reaches at all."""
     scene = room.open
     a, b, c = np.moveaxis(scene.positions[scene.triangles].astype(np.float64), 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     around = np.bincount(scene.triangles.ravel(), np.repeat(area, 3), minlength=len(scene.positions))
     inside = np.abs(light.irradiance).sum(axis=1) > 1e-4 * light.irradiance.sum(axis=1).mean()
-    around *= inside & (np.abs(scene.normals).sum(axis=1) > 0)
+    around *= inside & (np.abs(scene.normals).sum(axis=1) > 0) & _indoors(room)
     rng = np.random.default_rng(7)
     return np.sort(
         rng.choice(len(around), min(count, int((around > 0).sum())), replace=False, p=around / around.sum())
     )
+
+
+def _indoors(room: PortalsRoom) -> np.ndarray:
+    """(V,) whether vertices see the sky through glass alone, by 64 rays of each."""
+    mi, scene = room.occluders.mi, room.open
+    rng, inside = np.random.default_rng(5), np.abs(scene.normals).sum(axis=1) > 0
+    start = room.origins + np.float32(ray_offset(scene.positions)) * scene.normals
+    for _ in range(64):
+        d = rng.standard_normal(scene.normals.shape)
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        d = (scene.normals + 0.999 * d).astype(np.float32)
+        ray = mi.Ray3f(
+            mi.Point3f(*(mi.Float(np.ascontiguousarray(x, np.float32)) for x in start.T)),
+            mi.Vector3f(*(mi.Float(np.ascontiguousarray(x)) for x in d.T)),
+        )
+        glazed = room._glass.ray_test(ray)
+        inside &= np.array(glazed | room.occluders.scene.ray_test(ray))
+    return inside
 
 
 def against_path_tracer(

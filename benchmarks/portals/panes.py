@@ -14,10 +14,9 @@ from points import Points, figures_of, found_on
 from window_emitter import lit_sides
 
 import rooms
-from prelight.bases import cube_map
-from prelight.lighting.frost import frosted
 from prelight.lighting.glass import Glass
 from prelight.lighting.rig import Rig
+from prelight.lighting.rough_pane import rough_pane
 from prelight.material import Material
 from prelight.scene.geometry import Scene
 from prelight.scene.variant import mitsuba
@@ -107,7 +106,7 @@ def _nothing() -> Scene:
 
 
 def rough_glass(data: Path, work: Path) -> dict[str, Any]:
-    """Our frosted glass beside a pane of rough glass: with what straight light keeps, and with the tint that fits."""
+    """Our frosted glass beside a pane of rough glass: with a tint, straight light's or what fits, and as ``rough``."""
     angles = np.array([0, 15, 30, 40, 50, 60, 70, 80])
     found = [turned_by(float(angle)) for angle in angles]
     sigma, straight = found[0]
@@ -118,19 +117,14 @@ def rough_glass(data: Path, work: Path) -> dict[str, Any]:
     light.light(Rig(sky(data, BEHIND), portals=(Glass(kind="frosted", frost_deg=round(sigma, 1)),)))
     ours = at.of(scene, light.irradiance) * true["albedo"]
     fits = float(known.sum() / ours.sum())
-    # Why: the same with what the pane lets through at each angle, which our glass does not know.
-    cube = frosted(sky(data, BEHIND).cube(32), sigma, OUTWARD.astype(np.float32))
-    d = cube_map.texel_directions(np.arange(6 * 32 * 32, dtype=np.int32), 32).reshape(6, 32, 32, 3)
-    angle = np.degrees(np.arccos(np.clip(d @ OUTWARD, 0, 1)))
-    share = np.interp(angle, [*angles, 90], [*(let for _, let in found), 0.0])
-    light.set_shells((cube * share[..., None]).astype(np.float32)[None], [Glass()])
-    angled = at.of(scene, light.irradiance) * true["albedo"]
-    again = float(known.sum() / angled.sum())
+    light.light(Rig(sky(data, BEHIND), portals=(Glass(kind="frosted", rough=ALPHA),)))
+    rough = at.of(scene, light.irradiance) * true["albedo"]
+    pane = rough_pane(ALPHA)
     return {
         "alpha": ALPHA, "frost_deg": sigma, "angles": angles.tolist(), "let_through": [let for _, let in found],
         "fitting_tint": fits, "with_straight": figures_of(ours * straight, known, variance),
-        "with_fit": figures_of(ours * fits, known, variance), "with_angles": figures_of(angled, known, variance),
-        "angles_fit": again, "with_angles_and_fit": figures_of(angled * again, known, variance),
+        "with_fit": figures_of(ours * fits, known, variance), "as_rough": figures_of(rough, known, variance),
+        "ours": {"frost_deg": pane.turned_deg, "let_through": pane.share(np.cos(np.radians(angles))).tolist()},
         "points": len(known), "samples": GLASS_SAMPLES,
     }  # fmt: skip
 

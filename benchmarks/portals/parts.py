@@ -8,6 +8,7 @@ from typing import Any
 
 import boxes
 import figures
+import glossy_box
 import numpy as np
 import panes
 import refining
@@ -164,8 +165,9 @@ PARTS = {
     "box-frosted": _against("frosted", "by a large frosted window, σ = 15°"),
     "box-sun": _against("sun", "in the sun"), "box-refined": _against("refined", "with receivers refined"),
     "box-sun-refined": _against("sun-refined", "in the sun, with receivers refined for it"),
-    "rough-glass": panes.rough_glass, "refining": refining.error_against_triangles,
-    "figure-10": figures.figure_10, "figure-2": figures.figure_2, "figure-refined": figures.figure_refined,
+    "box-glossy": glossy_box.glossy_box, "rough-glass": panes.rough_glass, "refining": refining.error_against_triangles,
+    "figure-10": figures.figure_10, "figure-11": glossy_box.figure_11,
+    "figure-2": figures.figure_2, "figure-refined": figures.figure_refined,
     "box-table": box_table, "choice": choice,
     "orders": _orders_and_plot, "sibenik-table": sibenik_table, "car-table": car_table, "box-million": box_million,
     "sibenik-day": sibenik_day, "three-phase-truth": three_phase_truth, "three-phase": three_phase, "sliding": sliding,

@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measuring import chosen_receivers
+from measuring import baked, chosen_receivers
+from openings import openings_of
 
 import rooms
-from prelight.baking.portals import bake_planned
-from prelight.baking.portals_plan import plan_portals
 from prelight.baking.portals_room import PortalsRoom
 from prelight.baking.portals_settings import PortalsSettings
 from prelight.lighting.daylight import Daylight
@@ -26,10 +25,14 @@ from prelight.lighting.moment import Site
 from prelight.lighting.rig import Rig
 from prelight.relighting.portals import PortalsRelighter
 from prelight.scene.portals import PortalWish
-from prelight.storage.bake import Bake
+from prelight.scene.variant import mitsuba
+from prelight.transport.opening_emitter import opening_emitter
 from prelight.transport.path_traced_light import LitScene, as_diffuse
 
-HOURS, SAMPLES, SUN_RESOLUTION = 16, 1024, 512  # of the reference's sky: the sun is three texels wide
+HOURS, SAMPLES, CHUNK = 16, 4096, 1024
+SUN_RESOLUTION = 512  # of the reference's sky: the sun is three texels wide
+MEANS = ("direct", "indirect")
+VARIANCES = ("direct_variance", "indirect_variance", "total_variance")
 FILE = str(rooms.HERE / "sibenik.toml")
 # All portals clear: what stained glass does is a factor for each, which the path tracer's open windows have not.
 CLEAR = (Glass("*", tint=(1.0, 1.0, 1.0)),)
@@ -48,27 +51,27 @@ def opened(
     scene = rooms.sibenik(data, subdivide=0.8)
     settings = PortalsSettings(PortalWish(file=FILE), rays=rays, gather_rays=gather_rays)
     path = work / f"sibenik-{rays}-{gather_rays}.prelight"
-    if path.exists():
-        light, room = PortalsRelighter(Bake.open(path)), PortalsRoom(scene, settings)
-    else:
-        plan = plan_portals(scene, settings)
-        light, room = PortalsRelighter(bake_planned(path, plan=plan)), plan.room
+    light, room, _ = baked(scene, path, settings, keep=True)
     light.light(Rig(Environment.constant((1.0, 1.0, 1.0)), portals=CLEAR))
     return light, room, chosen_receivers(room, light).astype(np.int32)
 
 
-def reference(
-    room: PortalsRoom, chosen: np.ndarray, hour: int, *, work: Path, samples: int = SAMPLES
-) -> dict:
-    """Direct and indirect light of an hour, and their variances; kept."""
-    kept = work / f"hour-{hour}-{samples}.npz"
-    if not kept.exists():
-        cube = skies()[hour].cube(SUN_RESOLUTION)
-        found = LitScene(as_diffuse(room.open), sky=cube).light(chosen, origins=room.origins, samples=samples)
-        names = ("direct", "direct_variance", "indirect", "indirect_variance", "total_variance")
-        np.savez(kept, chosen=chosen, **{name: getattr(found, name) for name in names})
-    with np.load(kept) as found:
-        return dict(found)
+def reference(room: PortalsRoom, chosen: np.ndarray, hour: int, *, work: Path) -> dict[str, np.ndarray]:
+    """Direct and indirect light of an hour, and their variances; kept chunk after chunk."""
+    parts = []
+    for k in range(SAMPLES // CHUNK):
+        kept = work / f"hour-{hour}-{k}.npz"
+        if not kept.exists():
+            cube = skies()[hour].cube(SUN_RESOLUTION)
+            sky = opening_emitter(mitsuba(), cube, openings_of(room.portals.corners))
+            lit = LitScene(as_diffuse(room.open), emitters=[sky])
+            found = lit.light(chosen, origins=room.origins, samples=CHUNK, seed=1000 * k + 17 * hour)
+            np.savez(kept, chosen=chosen, **{name: getattr(found, name) for name in (*MEANS, *VARIANCES)})
+        with np.load(kept) as file:
+            parts.append(dict(file))
+    out = {name: np.mean([part[name] for part in parts], axis=0) for name in MEANS}
+    out |= {name: np.mean([part[name] for part in parts], axis=0) / len(parts) for name in VARIANCES}
+    return out | {"chosen": parts[0]["chosen"]}
 
 
 def compared(light: PortalsRelighter, chosen: np.ndarray, hour: int, truth: dict) -> dict[str, float]:
@@ -96,7 +99,7 @@ def compared(light: PortalsRelighter, chosen: np.ndarray, hour: int, truth: dict
     return out
 
 
-def sibenik_day(data: Path, work: Path, *, rays: int = 1024, gather_rays: int = 256) -> dict[str, Any]:
+def sibenik_day(data: Path, work: Path, *, rays: int = 2048, gather_rays: int = 1024) -> dict[str, Any]:
     """Sixteen hours of a day in Sibenik at 1,000 receivers, against the path tracer."""
     light, room, chosen = opened(data, work, rays=rays, gather_rays=gather_rays)
     hours, sums = [], np.zeros((2, len(chosen), 3))

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import lights
 import numpy as np
+from references import References
 
 from prelight.baking.transfer import bake_transfer
+from prelight.baking.transfer_plan import Ground
 from prelight.baking.transfer_settings import TransferSettings
-from prelight.checking.placed_emitters import emitter_of
-from prelight.cli.doctor import _llvm, _machine
+from prelight.checking.kept_parts import measure_parts, parts_parser
 from prelight.lighting.distributions import Power
 from prelight.lighting.placed_lights import Lamp, PlacedPanel
 from prelight.lighting.spot import Spot
-from prelight.rays.surfaces import SurfaceScene
 from prelight.relighting.transfer import TransferRelighter
 from prelight.scene.stock import room as rooms
 from prelight.storage.bake import Bake
-from prelight.transport.path_traced_light import LightWithVariance, LitScene, as_diffuse
+from prelight.transport.path_traced_light import as_diffuse
 from prelight.transport.spreading import vertex_areas
 
 WARM_UP = 6  # updates before a clock is looked at
-NOISE = 0.02  # of indirect light in the reference, RMS
 
 
 def _room(options: argparse.Namespace):
@@ -120,63 +116,54 @@ def _median_of(work: Any) -> float:
     return float(np.median(took[3:]))
 
 
-def error(options: argparse.Namespace) -> dict[str, Any]:
-    """Indirect light of lamps, spots and panels anywhere in the room against the path tracer, at vertices by area."""
-    found, scene = _baked(options), as_diffuse(_room(options))
-    live = TransferRelighter(found, shadow_rays=64)
-    stand = np.array(found.array("layers/transfer/origins"))
+def references(options: argparse.Namespace) -> dict[str, Any]:
+    """What the path tracer says of the lights, at vertices chosen by area: traced once, compared as often as wanted."""
+    found = _references(options)
+    enough = found.trace(lights.some(options.lights), seconds=options.seconds)
+    known = [found.read(k) for k in range(options.lights) if found.path(k).exists()]
+    return {
+        "lights": len(known), "with_noise_small_enough_or_all_rounds": enough, "receivers": len(found.rows),
+        "samples_of_a_round": options.samples, "rounds": [one.rounds for one in known],
+        "seconds": sum(one.seconds for one in known),
+    }  # fmt: skip
+
+
+def _references(options: argparse.Namespace) -> References:
+    scene = as_diffuse(_room(options))
     area = vertex_areas(scene) * (scene.material_of_vertex != scene.materials.index(rooms.OUTSIDE))
     share = area.astype(np.float64) / area.sum(dtype=np.float64)
     rng = np.random.default_rng(12)
     rows = np.sort(rng.choice(len(share), options.receivers, replace=False, p=share)).astype(np.int32)
-    surfaces = SurfaceScene(scene)
-    kept = options.work / f"lights-{options.receivers}-{options.samples}-{options.rounds}.json"
-    each = (
-        json.loads(kept.read_text()) if kept.exists() else []
-    )  # of a run that was stopped, with these numbers
-    for k, light in enumerate(lights.some(options.lights)[len(each) :], start=len(each)):
-        began = time.perf_counter()
-        live.shine([light])
-        reference = LitScene(scene, surfaces=surfaces, emitters=[emitter_of(surfaces.mi, light)])
-        said = _figures(light, live, rows, _seen(reference, rows, stand, options, seed=1000 * k))
-        each.append({**said, "seconds": time.perf_counter() - began})
-        kept.write_text(json.dumps(each, default=float))
-        print(f"\r{k + 1} of {options.lights}", end="", flush=True)
-    print()
+    folder = options.work / f"references-{options.detail:g}"
+    return References(folder, scene, rows, Ground(scene).origins, options.samples, options.rounds)
+
+
+def error(options: argparse.Namespace) -> dict[str, Any]:
+    """Indirect light of lamps, spots and panels anywhere in the room against the path tracer, at vertices by area."""
+    known = _references(options)
+    live = TransferRelighter(_baked(options), shadow_rays=64)
+    each = []
+    for k, light in enumerate(lights.some(options.lights)):
+        if known.path(k).exists():
+            live.shine([light])
+            reference = known.read(k)
+            each.append(_figures(light, live, known.rows, reference.light) | {"rounds": reference.rounds})
+    if not each:
+        raise SystemExit("no references are there yet: run the part references")
     errors = np.array([one["indirect_rms"] for one in each])
     by_kind = {
         kind: float(np.median([one["indirect_rms"] for one in each if one["kind"] == kind]))
         for kind in ("lamp", "spot", "panel") if any(one["kind"] == kind for one in each)
     }  # fmt: skip
     return {
-        "lights": len(each), "receivers": len(rows), "samples": options.samples, "median": float(np.median(errors)),
-        "worst": float(errors.max()), "median_by_kind": by_kind,
+        "lights": len(each), "receivers": len(known.rows), "samples_of_a_round": options.samples,
+        "median": float(np.median(errors)),
+        "worst": float(errors.max()), "tenth_worst": float(np.quantile(errors, 0.9)), "median_by_kind": by_kind,
         "median_total": float(np.median([one["total_rms"] for one in each])),
         "median_signed_mean": float(np.median([one["indirect_signed_mean"] for one in each])),
-        "reference_seconds": sum(one["seconds"] for one in each),
+        "median_without_the_five_worst_receivers": float(np.median([one["indirect_rms_but_for_five"] for one in each])),
         "worst_five": sorted(each, key=lambda one: -one["indirect_rms"])[:5], "all": each,
     }  # fmt: skip
-
-
-def _seen(
-    reference: LitScene, rows: np.ndarray, stand: np.ndarray, options: argparse.Namespace, *, seed: int
-):
-    """The mean of as many rounds as it takes for the noise of indirect light to be small."""
-    rounds = []
-    while len(rounds) < options.rounds:
-        rounds.append(reference.light(rows, origins=stand, samples=options.samples, seed=seed + len(rounds)))
-        mean = _mean(rounds)
-        if mean.indirect_variance.mean() < NOISE**2 * np.square(mean.indirect).mean():
-            break
-    return _mean(rounds)
-
-
-def _mean(rounds: list[LightWithVariance]) -> LightWithVariance:
-    n, found = len(rounds), {}
-    for field in fields(LightWithVariance):
-        values = np.mean([getattr(one, field.name) for one in rounds], axis=0)
-        found[field.name] = values / n if field.name.endswith("variance") else values
-    return LightWithVariance(**found)
 
 
 def _figures(light: Any, live: TransferRelighter, rows: np.ndarray, seen: Any) -> dict[str, Any]:
@@ -207,17 +194,24 @@ def _figures(light: Any, live: TransferRelighter, rows: np.ndarray, seen: Any) -
         said[f"{part}_rms"] = float(np.sqrt(max(wrong, 0.0) / whole))
         said[f"{part}_noise"] = float(np.sqrt(variances[part].mean() / whole))
         said[f"{part}_signed_mean"] = float((mine - truth).mean() / truth.mean())
+    square = (np.square(ours["indirect"] - seen.indirect) - seen.indirect_variance).mean(axis=1)
+    whole = np.square(seen.indirect).mean() - seen.indirect_variance.mean()
+    first = np.argsort(-square)
+    said["indirect_rms_but_for_five"] = float(np.sqrt(max(square[first[5:]].sum() / len(rows), 0.0) / whole))
+    said["worst_receiver"] = {
+        "position": [round(float(x), 3) for x in live.bake.receivers.positions[rows[first[0]]]],
+        "share_of_squares": float(square[first[0]] / square.sum()),
+        "ours": float(ours["indirect"][first[0]].mean()), "reference": float(seen.indirect[first[0]].mean()),
+        "rms_of_all": float(np.sqrt(whole)),
+    }  # fmt: skip
     return said
 
 
-PARTS = {"bake": bake, "speed": speed, "error": error}
+PARTS = {"bake": bake, "speed": speed, "references": references, "error": error}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="all that have no result yet, if none")
-    parser.add_argument("--work", type=Path, required=True, help="where a bake is kept: 60 MB")
-    parser.add_argument("--name", default="2-core", help="of this machine, in the results")
+    parser = parts_parser(__doc__, PARTS, work="where a bake is kept: 60 MB")
     parser.add_argument("--detail", type=float, default=1.23, help="of the room: 1.23 has 45,000 vertices")
     parser.add_argument("--rays", type=int, default=1600, help="gathered from each vertex")
     parser.add_argument("--entries", type=int, default=TransferSettings().entries)
@@ -227,33 +221,17 @@ def main() -> None:
     )
     parser.add_argument("--lights", type=int, default=50)
     parser.add_argument("--receivers", type=int, default=400)
-    parser.add_argument("--samples", type=int, default=4096, help="of the path tracer, each receiver")
+    parser.add_argument("--samples", type=int, default=2048, help="of the path tracer, each receiver")
     parser.add_argument(
-        "--rounds", type=int, default=8, help="of so many samples at most, where light is hard to find"
+        "--rounds", type=int, default=16, help="of so many samples at most, where light is hard to find"
     )
+    parser.add_argument("--seconds", type=float, default=np.inf, help="after which references stop for now")
     parser.add_argument("--updates", type=int, default=60)
     parser.add_argument("--trial", action="store_true", help="print the results and keep nothing")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
-    for name in options.parts or PARTS:
-        path = results / f"{name}.json"
-        if path.exists() and not options.parts:
-            continue
-        print(f"== {name}: {(PARTS[name].__doc__ or '').splitlines()[0]}")
-        began = time.perf_counter()
-        figures = PARTS[name](options)
-        report = {
-            "what": PARTS[name].__doc__,
-            "machine": _machine() | {"python": platform.python_version()} | {"llvm": _llvm()},
-            "seconds_in_all": round(time.perf_counter() - began, 1),
-            "figures": figures,
-        }
-        text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
-        print(text if not options.trial else json.dumps(figures, indent=1, default=float))
-        if not options.trial:
-            results.mkdir(parents=True, exist_ok=True)
-            path.write_text(text + "\n")
+    measure_parts(PARTS, options.parts, results, call=lambda part: part(options), keep=not options.trial)
 
 
 if __name__ == "__main__":

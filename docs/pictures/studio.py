@@ -78,7 +78,7 @@ def lamps(page: Page) -> None:
     )
     fold(page, "Sky", "Lights in the sky")
     page.get_by_role("region", name="Picture").get_by_role("slider", name="Exposure").fill("2.2")
-    page.evaluate("() => document.activeElement.blur()")
+    page.evaluate("() => { document.activeElement.blur(); document.getElementById('panel').scrollTop = 0; }")
 
 
 def seen_at(page: Page, x: float, y: float) -> tuple[float, float]:
@@ -227,15 +227,21 @@ with tempfile.TemporaryDirectory() as folder, sync_playwright() as p:
         thread = threading.Thread(target=studio.serve)
         thread.start()
         try:
-            page = browser.new_page(viewport=size, color_scheme=scheme, reduced_motion="reduce")
+            page = browser.new_page(
+                viewport=size, color_scheme=scheme, reduced_motion="reduce", device_scale_factor=2
+            )  # for smooth edges, which the page itself has only with a graphics card
             page.goto(studio.new_link())
             settled(page)
             touch(page)
             time.sleep(1.5)
             settled(page)
             page.evaluate("() => document.activeElement?.blur()")
+            page.evaluate(
+                "() => document.querySelector('.pace').remove()"
+            )  # its times are of this machine and hour
             shot = Image.open(io.BytesIO(page.screenshot()))
-            shot.convert("RGB").save(Path(__file__).with_name(f"{name}.png"), optimize=True)
+            shot = shot.convert("RGB").resize((size["width"], size["height"]), Image.Resampling.BOX)
+            shot.save(Path(__file__).with_name(f"{name}.png"), optimize=True)
             page.close()
         finally:
             studio.stop()

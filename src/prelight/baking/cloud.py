@@ -18,12 +18,12 @@ from ..storage.bake import Bake
 from ..storage.journal import BakeWriter, refuse_target
 from ..storage.manifest import FORMAT, VERSION, LayerRecord, Manifest
 from .carrying_out import carry_out, check_disk
-from .cloud_arrays import light_arrays, row_arrays
+from .cloud_arrays import light_arrays, row_arrays, zone_modes
 from .cloud_columns import CloudColumns
 from .cloud_plan import CloudPlan, plan_cloud
 from .cloud_settings import CloudSettings
 from .cloud_trials import TRIALS, trial_places, tried
-from .cloud_zones import Lamps, Lost, Zone, lost, make_zone, thinned, zones_of
+from .cloud_zones import Lamps, Lost, Zone, lost, make_zone, thinned
 from .exitant import ExitantPart
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, scene_record
@@ -101,7 +101,16 @@ def identity(plan: CloudPlan) -> dict[str, int | float | str | None]:
     asked = {name: getattr(settings, name) for name in _IDENTITY}
     box = None if settings.box is None else repr(settings.box)
     photons = {"photons": plan.photons} if plan.photons else {}
-    return {"kind": "cloud", "scene": plan.scene.digest, "box": box, **asked, **photons, **software()}
+    shell = {"shell": settings.shell} if settings.shell else {}
+    return {
+        "kind": "cloud",
+        "scene": plan.scene.digest,
+        "box": box,
+        **asked,
+        **photons,
+        **shell,
+        **software(),
+    }
 
 
 class _Making:
@@ -125,13 +134,12 @@ class _Making:
         weights = self._weights(columns)
         pairs = self._pairs(weights.w1)
         lamps = self._lamps(columns)
-        parts = zones_of(self.scene.positions, self.settings.zone)
-        zones = []
+        parts, zones = columns.zones, []
         for k, part in enumerate(parts):
             zones.append(make_zone(columns, part, pairs, w2=weights.w2, lamps=lamps))
             self.report(_COLUMN_SHARE + (1 - _COLUMN_SHARE) * (k + 1) / len(parts))
         zones = thinned(zones, self.settings)
-        losses = [] if lamps is None else [lost(columns, zone, lamps.held).squares for zone in zones]
+        losses = [] if lamps is None else [lost(columns, zone, lamps).squares for zone in zones]
         return self._manifest(columns, zones, weights, losses)
 
     def _lamps(self, columns: CloudColumns) -> Lamps | None:
@@ -141,7 +149,8 @@ class _Making:
         known = {"brought": columns.brought, "sources": columns.sources, "squares": columns.squares}
         usual = tried(self.plan, trial_places(self.plan, seed=0, count=TRIALS), **known)
         lights = np.sqrt(np.square(columns.brought.astype(np.float64)) @ columns.squares)
-        return Lamps(usual, lights, tried(self.plan, columns.held, **known))
+        held = tried(self.plan, columns.held, **known)
+        return Lamps(usual, lights, columns.brought, columns.squares, held)
 
     def _weights(self, columns: CloudColumns) -> Weights:
         used = self.scene.positions[np.unique(self.scene.triangles)]
@@ -170,6 +179,7 @@ class _Making:
         }
         if (sources := columns.sources) is not None:
             arrays |= {"sources": sources.rows, "source_scales": sources.scales, "areas": sources.areas}
+            arrays["zone_modes"] = zone_modes(zones)
         for name, values in arrays.items():
             written.write(f"{_AT}/{name}", values)
         clusters = arrays["clusters"]

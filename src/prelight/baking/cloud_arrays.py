@@ -45,6 +45,11 @@ def light_arrays(
     return arrays, scale
 
 
+def zone_modes(zones: list[Zone]) -> Int32[np.ndarray, "zones 2"]:
+    """The first mode of each zone, and how many it has."""
+    return np.array([(zone.modes.start, zone.modes.stop - zone.modes.start) for zone in zones], np.int32)
+
+
 def row_arrays(zones: list[Zone], *, codes: str) -> dict[str, np.ndarray]:
     """Clusters, their bases, and the coordinates of their vertices."""
     order, table, bases, base_scales, values, value_scales = [], [], [], [], [], []

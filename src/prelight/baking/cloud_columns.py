@@ -21,12 +21,13 @@ from ..transport.spreading import Spreading
 from .cloud_caustics import CloudCaustics, bouncing
 from .cloud_modes import Mixtures, Sources, mixtures, products
 from .cloud_plan import COLUMNS, HELD_OUT, CloudPlan, trained
+from .cloud_regions import cells_of, modes_there, regions_of, zones_of
 from .cloud_trials import direct_of, trial_places
 from .scene_arrays import whole
 
 Report = Callable[[float], None]
 _BALL_RAYS = 64
-_SLAB = 4096  # vertices at a time
+_MOST_TAUGHT = 1024  # lights of the grid, beside lamps, that modes are learnt from
 
 
 class CloudColumns:
@@ -40,6 +41,8 @@ class CloudColumns:
         ``(V,)`` m².
     held, learnt
         Places of lamps that are solved to measure errors on, and to find modes.
+    zones
+        Vertices of each zone.
     """
 
     def __init__(self, plan: CloudPlan, writer: BakeWriter, report: Report) -> None:
@@ -48,6 +51,9 @@ class CloudColumns:
         wanted = plan.settings.modes
         self.held = trial_places(plan, seed=1, count=HELD_OUT if wanted else 0)
         self.learnt = trial_places(plan, seed=2, count=trained(wanted))
+        self.zones = zones_of(plan.scene.positions, plan.settings.zone)
+        self._regions = regions_of(plan.scene.positions, wanted)
+        self._cells = cells_of(plan.scene.positions, wanted)
         self._kept = {(e["part"], e["number"]): e for e in writer.entries if "number" in e}
         self._opened: dict[tuple[str, str], list[np.ndarray]] = {}
 
@@ -119,9 +125,11 @@ class CloudColumns:
     def _modes(self, which: slice) -> tuple[dict[str, np.ndarray], float]:
         """Modes, and how much of them light at each vertex brings: all colours of one answer to it together."""
         shares, squares = self._mixtures.shares[:, which], self._mixtures.squares[which]
-        L = np.empty((len(self.areas), shares.shape[1], self.colours), np.float32)
-        for rows in self._slabs():
-            L[rows] = np.einsum("lvc,lk->vkc", self.rows("learnt", rows), shares, optimize=True)
+        L = np.zeros((len(self.areas), shares.shape[1], self.colours), np.float32)
+        for region in np.unique(self._mixtures.region[which]):
+            rows, own = self._regions[region], np.flatnonzero(self._mixtures.region[which] == region)
+            learnt = self._taught(rows)
+            L[np.ix_(rows, own)] = np.einsum("lvc,lk->vkc", learnt, shares[:, own], optimize=True)
         backwards = cast(Gathering, self._backwards)  # of one, solving needs no more than ``bounce``
         found = bounced(backwards, L)
         sources = found.indirect.sum(axis=2) / squares.astype(np.float32)
@@ -130,18 +138,31 @@ class CloudColumns:
     @cached_property
     def _mixtures(self) -> Mixtures:
         if not len(self.learnt):
-            return Mixtures(np.zeros((0, 0)), np.zeros(0))
-        slabs = ((self.rows("learnt", rows), self.areas[rows]) for rows in self._slabs())
-        return mixtures(products(slabs), self.plan.settings.modes)
+            return Mixtures(np.zeros((0, 0)), np.zeros(0), np.zeros(0, np.int32))
+        grams = [products(self._taught(rows), self.areas[rows]) for rows in self._regions]
+        return mixtures(grams, self.plan.settings.modes, fixed=len(self._cells))
+
+    def _taught(self, vertices: Int32[np.ndarray, "some"]) -> Float32[np.ndarray, "lamps some colours"]:
+        """What modes are learnt from: lamps here and there; lights of the grid, unless they have caustics; and, so that
+        the mean light of each cell is known, an even light on it."""
+        known = [self.rows("learnt", vertices)]
+        if self._caustics is None:
+            every = -(-len(self.plan.grid) // _MOST_TAUGHT)
+            known.append(self.rows("lights", vertices)[::every])
+        even = np.stack([np.isin(vertices, cell) for cell in self._cells]).astype(np.float32)
+        return np.concatenate([*known, np.repeat(even[:, :, None], self.colours, axis=2)])
 
     @property
     def modes(self) -> int:
         """How many modes there are, once lamps are learnt from."""
         return len(self._mixtures)
 
-    def _slabs(self) -> list[Int32[np.ndarray, "some"]]:
-        every = np.arange(len(self.areas), dtype=np.int32)
-        return [every[first : first + _SLAB] for first in range(0, len(every), _SLAB)]
+    def modes_of(self, zone: Int32[np.ndarray, "some"]) -> slice:
+        """Which modes a zone has anything of."""
+        region_of = np.empty(len(self.areas), np.int32)
+        for number, rows in enumerate(self._regions):
+            region_of[rows] = number
+        return modes_there(self._mixtures.region, region_of, zone)
 
     @property
     def squares(self) -> Float64[np.ndarray, "modes"]:
@@ -179,7 +200,8 @@ class CloudColumns:
         """How much light at each vertex brings of each mode; None without modes."""
         if not self.modes:
             return None
-        return Sources.of(np.concatenate(self._open("modes", "sources"), axis=1), self.areas)
+        values = np.concatenate(self._open("modes", "sources"), axis=1)
+        return Sources.of(values, self.areas, np.concatenate(self.zones))
 
     @cached_property
     def brought(self) -> Float32[np.ndarray, "lights modes"] | None:

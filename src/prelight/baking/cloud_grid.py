@@ -1,4 +1,4 @@
-"""The dense cloud: a grid of lights in a box, without those inside solids."""
+"""The dense cloud: a grid of lights in a box, without those inside solids; a finer one along walls if wanted."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ..errors import InputError
 from ..rays.offset import ray_offset
 from ..rays.segments import SOLID, PlainSegments
 from ..scene.geometry import Scene
+from .cloud_settings import MOST_LIGHTS
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class LightGrid:
     low, high
         The box that they fill.
     step
-        ``(3,)`` metres from one to the next.
+        ``(3,)`` metres from one to the next; half as much in the shell along walls.
     in_solids
         How many were left out.
     """
@@ -45,11 +46,13 @@ def light_grid(
     *,
     lights: int,
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None,
+    shell: float = 0.0,
 ) -> LightGrid:
     """About ``lights`` cubes' middles that fill the box around the scene, or ``box``; free ones stay.
 
-    A light is inside a solid if nine of ten rays from it that meet something meet its back. Raises InputError if none
-    is free, or if the box lies wholly outside of the scene's.
+    Within ``shell`` metres of a surface there are cubes half as wide instead. A light is inside a solid if nine of ten
+    rays from it that meet something meet its back. Raises InputError if none is free, if the box lies wholly outside
+    of the scene's, or if there are more than 8,192.
     """
     used = scene.positions[np.unique(scene.triangles)].astype(np.float64)
     low, high = used.min(axis=0), used.max(axis=0)
@@ -62,8 +65,16 @@ def light_grid(
     size = np.maximum(high - low, 1e-3 * float((high - low).max()))
     counts = _counts(size, lights)
     step = size / counts
-    axes = [low[k] + (np.arange(counts[k]) + 0.5) * step[k] for k in range(3)]
-    positions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    positions = _middles(low, step, counts)
+    if shell > 0:
+        if 8 * len(positions) > _MOST_TRIED:
+            raise InputError("lights", f"{lights}, expected at most {_MOST_TRIED // 8} with a shell")
+        fine = _middles(low, step / 2, 2 * counts)
+        inner, outer = (segments.are_near(at, shell) for at in (positions, fine))
+        positions = np.concatenate([positions[~inner], fine[outer]])
+        if len(positions) > MOST_LIGHTS:
+            said = f"{shell:g} m gives {len(positions):,} lights, at most {MOST_LIGHTS:,}; less, or fewer --lights"
+            raise InputError("shell", said)
     positions += _ASIDE * ray_offset(scene.positions)
     free = segments.shares_of_backs(positions) < SOLID
     if not free.any():
@@ -71,7 +82,13 @@ def light_grid(
     return LightGrid(positions[free], low, high, step, int(np.count_nonzero(~free)))
 
 
+_MOST_TRIED = 1 << 15
 _ASIDE = np.array([0.61, 0.37, 0.83])  # offsets of a ray's origin: lest a light lie exactly in a surface
+
+
+def _middles(low: np.ndarray, step: np.ndarray, counts: np.ndarray) -> Float64[np.ndarray, "lights 3"]:
+    axes = [low[k] + (np.arange(counts[k]) + 0.5) * step[k] for k in range(3)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _counts(size: Float64[np.ndarray, "3"], lights: int) -> np.ndarray:

@@ -6,90 +6,140 @@ lamp beside a wall lights a spot smaller than any patch of surface that could st
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Float64
-from ..encoding.modes import in_bytes
+from ..arrays import Float32, Float64, Int32
+from ..encoding.modes import BLOCK, in_blocks
 
 _FAINTEST = 1e-7  # of the first eigenvalue
+_DARKEST = 1e-6  # share of a lamp that counts in a region, at least
+_EACH = 8  # modes that every region has, beside fixed fields
+_FIRM = 30.0  # times all lamps: what fixed fields count
 
 
 @dataclass(frozen=True)
 class Mixtures:
-    """Modes as sums of what lamps bring.
+    """Modes as sums of what lamps bring, each in one region of the surfaces and nothing elsewhere.
 
     Attributes
     ----------
     shares
-        ``(lamps, modes)``: a mode is Σ share · what the lamp brings.
+        ``(lamps, modes)``: in its region a mode is Σ share · what the lamp brings.
     squares
-        ``(modes,)`` of each mode, area · irradiance² summed over the surfaces and colours: the first the largest.
+        ``(modes,)`` of each mode, area · irradiance² summed over its region and colours.
+    region
+        ``(modes,)`` the number of each mode's region, ascending.
     """
 
     shares: Float64[np.ndarray, "lamps modes"]
     squares: Float64[np.ndarray, "modes"]
+    region: Int32[np.ndarray, "modes"]
 
     def __len__(self) -> int:
         return len(self.squares)
 
 
-def mixtures(gram: Float64[np.ndarray, "lamps lamps"], most: int) -> Mixtures:
-    """At most so many principal components of lamps that all count alike, from the products of what they bring.
+def mixtures(grams: list[Float64[np.ndarray, "lamps lamps"]], most: int, *, fixed: int = 0) -> Mixtures:
+    """At most so many principal components of what lamps bring, region by region, from its products in each.
 
-    Their sizes fall off as those of lamps do; the first is as bright as a usual lamp. None where nothing bounces.
+    A lamp counts in a region by the share of its light that is there, and so what is far from it, and dark, counts
+    more than its squares would say. Every region has a few; the others are where they gain most. Modes' sizes fall off
+    as those of lamps do; the first is as bright as a usual lamp. None where nothing bounces.
+
+    The last ``fixed`` of the lamps are fields that the modes have to contain, as near as nothing, whatever they gain.
     """
-    bright = np.sqrt(np.maximum(np.diag(gram), 0))
+    real = slice(0, len(grams[0]) - fixed)
+    bright = np.sqrt(np.maximum(sum(np.diag(gram)[real] for gram in grams), 0))
     usual = float(np.median(bright[bright > 0])) if (bright > 0).any() else 0.0
-    inverse = np.divide(1, bright, out=np.zeros_like(bright), where=bright > 1e-9 * usual)
-    squares, vectors = np.linalg.eigh(gram * inverse[:, None] * inverse)
-    squares, vectors = squares[::-1], vectors[:, ::-1]
-    count = min(most, int(np.count_nonzero(squares > _FAINTEST * max(float(squares[0]), 1e-300))))
     if not usual > 0:
-        count = 0
-    scale = usual / np.sqrt(max(float(squares[0]), 1e-300))
-    return Mixtures(inverse[:, None] * vectors[:, :count] * scale, scale**2 * squares[:count])
+        return Mixtures(np.zeros((len(grams[0]), 0)), np.zeros(0), np.zeros(0, np.int32))
+    found, least = [], []
+    for gram in grams:
+        inverse, wanted = _counted(gram, bright, usual, real)
+        raised, vectors = np.linalg.eigh(gram * inverse[:, None] * inverse)
+        raised, vectors = np.maximum(raised[::-1], 0), vectors[:, ::-1]
+        shares = np.square(vectors[real]).sum(axis=0)  # of a mode that lamps have, not fixed fields
+        squares = raised * shares
+        is_fixed = np.arange(len(squares)) < wanted  # they count most, so they come first
+        is_fixed &= squares > _FAINTEST * squares.max()
+        order = np.lexsort((-squares, ~is_fixed))
+        found.append((squares[order], (inverse[:, None] * vectors * np.sqrt(shares))[:, order]))
+        least.append(int(np.count_nonzero(is_fixed)) + _EACH)
+    kept = _shared_out([squares for squares, _ in found], least, most)
+    largest = max(float(squares.max()) for squares, _ in found)
+    scale = usual / np.sqrt(max(largest, 1e-300))
+    return Mixtures(
+        scale * np.concatenate([shares[:, :n] for (_, shares), n in zip(found, kept, strict=True)], axis=1),
+        scale**2 * np.concatenate([squares[:n] for (squares, _), n in zip(found, kept, strict=True)]),
+        np.repeat(np.arange(len(grams), dtype=np.int32), kept),
+    )
+
+
+def _counted(
+    gram: Float64[np.ndarray, "lamps lamps"], bright: np.ndarray, usual: float, real: slice
+) -> tuple[Float64[np.ndarray, "lamps"], int]:
+    """What lamps and fixed fields are multiplied by in a region, and how many such fields it has."""
+    there = np.sqrt(np.maximum(np.diag(gram), 0))
+    size = np.sqrt(bright * np.maximum(there[real], _DARKEST * bright))
+    out = np.zeros(len(gram))
+    np.divide(1, size, out=out[real], where=bright > 1e-9 * usual)
+    fields = np.flatnonzero(there[real.stop :] > 0) + real.stop
+    squares = float(np.square(there[real] * out[real]).sum())
+    out[fields] = _FIRM * np.sqrt(squares) / there[fields]
+    return out, len(fields) if squares > 0 else 0
+
+
+def _shared_out(squares: list[Float64[np.ndarray, "n"]], least: list[int], most: int) -> list[int]:
+    """How many modes each region has: none that is negligible there."""
+    there = [int(np.count_nonzero(own > _FAINTEST * max(float(own.max()), 1e-300))) for own in squares]
+    kept = [min(few, count) for few, count in zip(least, there, strict=True)]
+    left = most - sum(kept)
+    wanted = sorted((-own[n], z, n) for z, own in enumerate(squares) for n in range(kept[z], there[z]))
+    for _, z, _ in wanted[: max(left, 0)]:
+        kept[z] += 1
+    while sum(kept) > most:
+        kept[int(np.argmax(kept))] -= 1
+    return kept
 
 
 def products(
-    slabs: Iterable[tuple[Float32[np.ndarray, "lamps some colours"], Float32[np.ndarray, "some"]]],
+    brought: Float32[np.ndarray, "lamps some colours"], areas: Float32[np.ndarray, "some"]
 ) -> Float64[np.ndarray, "lamps lamps"]:
-    """Σ area · irradiance · irradiance of every two lamps, over slabs of vertices: what they bring, and areas."""
-    found: np.ndarray | float = 0.0
-    for brought, areas in slabs:
-        weighted = brought * np.sqrt(areas)[None, :, None]
-        flat = weighted.reshape(len(brought), -1)
-        found = found + (flat @ flat.T).astype(np.float64)
-    return np.asarray(found)
+    """Σ area · irradiance · irradiance of every two lamps, over some vertices."""
+    flat = (brought * np.sqrt(areas)[None, :, None]).reshape(len(brought), -1)
+    return (flat @ flat.T).astype(np.float64)
 
 
 @dataclass(frozen=True)
 class Sources:
     """How much light on a vertex brings of each mode, a byte each.
 
-    ``rows`` (V, modes) times ``scales`` (modes,): for irradiance / π of 1 on 1 m² around the vertex. ``areas`` (V,) m².
+    ``rows`` (V, modes) of the vertices in ``order``, times ``scales`` (blocks, modes) of each thousand of them: for
+    irradiance / π of 1 on 1 m² around the vertex. What is far from a mode's region brings little of it, so one scale
+    for all would lose it. ``areas`` (V,) m², of the vertices themselves.
     """
 
     rows: np.ndarray
-    scales: Float32[np.ndarray, "modes"]
+    scales: Float32[np.ndarray, "blocks modes"]
     areas: Float32[np.ndarray, "vertices"]
+    order: Int32[np.ndarray, "vertices"]
 
     @classmethod
     def of(
-        cls, values: Float32[np.ndarray, "vertices modes"], areas: Float32[np.ndarray, "vertices"]
+        cls,
+        values: Float32[np.ndarray, "vertices modes"],
+        areas: Float32[np.ndarray, "vertices"],
+        order: Int32[np.ndarray, "vertices"],
     ) -> Sources:
-        return cls(*in_bytes(values), areas)
+        return cls(*in_blocks(values, order), areas, order)
 
     def brought(self, direct: np.ndarray) -> Float64[np.ndarray, "lamps modes"]:
         """Of direct irradiance / π (vertices, lamps)."""
-        out = np.zeros((direct.shape[1], len(self.scales)))
-        for first in range(0, len(direct), _SLAB):
-            own = slice(first, first + _SLAB)
-            fallen = direct[own] * self.areas[own, None]
-            out += fallen.T.astype(np.float32) @ self.rows[own].astype(np.float32)
-        return out * self.scales
-
-
-_SLAB = 4096
+        out = np.zeros((direct.shape[1], self.scales.shape[1]))
+        for block, scales in enumerate(self.scales):
+            own = slice(block * BLOCK, (block + 1) * BLOCK)
+            fallen = direct[self.order[own]] * self.areas[self.order[own], None]
+            out += (fallen.T.astype(np.float32) @ self.rows[own].astype(np.float32)) * scales
+        return out

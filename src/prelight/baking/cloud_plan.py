@@ -17,6 +17,7 @@ from ..transport.spreading import vertex_areas
 from ..transport.vantage import vantage_points
 from .bounced_plan import tried_rows
 from .cloud_grid import LightGrid, light_grid
+from .cloud_regions import MODES_A_REGION
 from .cloud_settings import CloudSettings
 from .environment_plan import machine_memory
 
@@ -101,7 +102,7 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
         Mitsuba or its LLVM is not installed.
     """
     ground, V = CloudGround(scene), len(scene.positions)
-    grid = light_grid(scene, ground.segments, lights=settings.lights, box=settings.box)
+    grid = light_grid(scene, ground.segments, lights=settings.lights, box=settings.box, shell=settings.shell)
     per_row, ray_seconds = tried_rows(
         scene, ground.occluders, ground.origins, gather_rays=settings.gather_rays
     )
@@ -131,7 +132,8 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
     seconds += shadows / _SHADOW_RAYS + _PRODUCTS * colours * solved * entries / _ENTRY_COLUMNS
     seconds += (1 + BOUNCED_SHARE) * photons * len(grid) / _PHOTONS_A_SECOND
     seconds += _ROUNDS * colours * V * columns * _COMPONENT_SECONDS
-    kept = _MERGED_SHARE * len(grid) + settings.modes
+    of_zone = max(MODES_A_REGION, settings.modes * min(1.0, settings.zone / V))
+    kept = _MERGED_SHARE * len(grid) + min(settings.modes, of_zone)
     clusters = settings.clusters or max(1, min(settings.zone, V) // VERTICES_A_CLUSTER)
     clusters *= max(1, V // settings.zone)
     bases = clusters * (settings.coefficients + 1) * kept * 2
@@ -157,11 +159,12 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
 
 VERTICES_A_CLUSTER = 33
 HELD_OUT = 32  # lamps that errors are measured on
+_MOST_TRAINED = 576  # a region has some tens of modes
 
 
 def trained(modes: int) -> int:
     """How many lamps so many modes are learnt from."""
-    return modes + modes // 2
+    return min(modes + modes // 2, _MOST_TRAINED)
 
 
 def _notes(scene: Scene, photons: int) -> tuple[str, ...]:

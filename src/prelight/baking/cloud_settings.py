@@ -29,6 +29,8 @@ class CloudSettings:
         About so many in the grid, those inside solids included.
     box
         Where they are: low and high corner, metres; the box around the scene if not given.
+    shell
+        Lights half as far apart within so many metres of surfaces; 0 for one grid everywhere.
     radius
         Of the grid's lights, metres; 0 for points.
     zone
@@ -67,6 +69,7 @@ class CloudSettings:
 
     lights: int = 384
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    shell: float = 0.0
     radius: float = 0.0
     zone: int = 1024
     clusters: int | None = None
@@ -75,7 +78,7 @@ class CloudSettings:
     w1: float | None = None
     w2: float | None = None
     merge: str = "mean"
-    modes: int = 256
+    modes: int = 512
     interpolation: str = "fitted"
     codes: str = "bytes"
     gather_rays: int = 1024
@@ -103,6 +106,7 @@ class CloudSettings:
             ("coefficients", self.coefficients, 0.0, 256.0),
             ("error", 0.0 if self.error is None else self.error, 0.0, 1.0),
             ("radius", self.radius, 0.0, 100.0),
+            ("shell", self.shell, 0.0, 100.0),
             ("w1", 1.0 if self.w1 is None else self.w1, 0.0, 1e9),
             ("w2", 1.0 if self.w2 is None else self.w2, 0.0, 1e9),
         ):

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Positions
+from ..arrays import Float32, Float64, Positions
+from ..encoding.light_clustering import Groups
 from ..encoding.light_fit import FITTED, bounded, fitted, kernel, nearest, prior
 from ..rays.segments import SOLID
 from ..transport.lamps import SphereLamps, lamp_light
@@ -19,6 +20,7 @@ from .cloud_plan import CloudGround, CloudPlan
 
 TRIALS = 384
 _DIM = 0.05  # of a usual lamp's light: lamps that bring less count less
+_DARK = 1e-3  # share of a lamp's light in a zone, at least, that errors are counted by
 _LEAST = 1e-3  # of what is asked of the columns, of each by itself
 _SEED = 40
 _AT_ONCE = 32  # lamps whose direct light is made together
@@ -55,20 +57,55 @@ def direct_of(
 
 @dataclass(frozen=True)
 class Trials:
-    """Weights (lights + modes, lamps) of lamps as relighting finds them, and how bright each lamp is (lamps,)."""
+    """Lamps as relighting finds them.
 
-    weights: Float64[np.ndarray, "columns trials"]
+    Attributes
+    ----------
+    weights
+        ``(lights, trials)`` of the grid's lights.
+    targets
+        ``(modes, trials)`` how much of each mode they bring.
+    bright
+        ``(trials,)``.
+    """
+
+    weights: Float64[np.ndarray, "lights trials"]
+    targets: Float64[np.ndarray, "modes trials"]
     bright: Float64[np.ndarray, "trials"]
 
-    def of_groups(
-        self, group_of: Int32[np.ndarray, "lights"], groups: int
+    def of_lights(
+        self, brought: Float32[np.ndarray, "lights modes"], modes: slice
     ) -> Float64[np.ndarray, "columns trials"]:
-        """Weights of groups of lights, then of modes."""
-        lights = len(group_of)
-        out = np.zeros((groups + len(self.weights) - lights, self.weights.shape[1]))
-        np.add.at(out, group_of, self.weights[:lights])
-        out[groups:] = self.weights[lights:]
-        return out
+        """Weights of all lights, then of some modes: what the lights do not bring."""
+        return np.concatenate([self.weights, self.targets[modes] - brought[:, modes].T @ self.weights])
+
+    def of_groups(
+        self, groups: Groups, brought: Float32[np.ndarray, "lights modes"], modes: slice
+    ) -> Float64[np.ndarray, "columns trials"]:
+        """Weights of groups of lights, then of some modes: what the groups do not bring."""
+        out = np.zeros((groups.count, self.weights.shape[1]))
+        np.add.at(out, groups.group_of, self.weights)
+        left = self.targets[modes] - groups.means(brought[:, modes].astype(np.float64)).T @ out
+        return np.concatenate([out, left])
+
+    def bright_in(self, squares: Float64[np.ndarray, "modes"], modes: slice) -> Float64[np.ndarray, "trials"]:
+        """How bright lamps are for a zone: ``bright_for`` of them."""
+        return bright_for(self.bright, self.targets.T, squares, modes)
+
+
+def bright_for(
+    bright: Float64[np.ndarray, "lamps"],
+    brought: np.ndarray,
+    squares: Float64[np.ndarray, "modes"],
+    modes: slice,
+) -> Float64[np.ndarray, "lamps"]:
+    """What lamps' errors in a zone are counted by: the mean, geometric, of all their light and of that in its regions.
+
+    By all of it alone, what is dark would have no components, and be lit by what is left over of lamps elsewhere.
+    """
+    all_light = np.maximum(bright, _DIM * _usual(bright))
+    there = np.sqrt(np.square(brought[:, modes].astype(np.float64)) @ squares[modes])
+    return np.sqrt(all_light * np.maximum(there, _DARK * all_light))
 
 
 def tried(
@@ -80,7 +117,7 @@ def tried(
     squares: Float64[np.ndarray, "modes"],
 ) -> Trials:
     """What lights and modes stand for lamps at these places: ``brought`` of the modes by lights, the modes' squares."""
-    at, columns, targets = plan.grid.positions, [], []
+    at, weights, targets = plan.grid.positions, [], []
     for first in range(0, len(places), _AT_ONCE):
         own = places[first : first + _AT_ONCE]
         found = sources.brought(direct_of(plan.ground, own))
@@ -91,12 +128,9 @@ def tried(
             free = plan.ground.segments.are_free(np.broadcast_to(place, (len(near), 3)), at[near])
             near, far, shape = near[free], far[free], shape[free]
             w = fitted(target, brought[near], prior(far, shape), np.sqrt(shape))
-            column = np.zeros(len(at) + len(target))
-            column[near] = w
-            column[len(at) :] = target - w @ brought[near].astype(np.float64)
-            columns.append(column)
-    bright = np.sqrt(np.square(np.concatenate(targets)) @ squares)
-    return Trials(np.stack(columns, axis=1), bright)
+            weights.append(np.bincount(near, w, len(at)).astype(np.float64))
+    every = np.concatenate(targets)
+    return Trials(np.stack(weights, axis=1), every.T.copy(), np.sqrt(np.square(every) @ squares))
 
 
 @dataclass(frozen=True)
@@ -113,16 +147,17 @@ class Metric:
 
     @classmethod
     def of(
-        cls, trials: Trials, lights: Float64[np.ndarray, "lights"], *, group_of: np.ndarray, groups: int
+        cls,
+        weights: Float64[np.ndarray, "columns trials"],
+        lights: Float64[np.ndarray, "lights"],
+        groups: Groups,
     ) -> Metric:
-        """``lights``: how bright each of the grid is."""
-        weights = trials.of_groups(group_of, groups)
-        weights = weights / np.maximum(trials.bright, _DIM * _usual(trials.bright))
+        """``weights`` over how bright each lamp is, and how bright each light of the grid is."""
         S = weights @ weights.T / weights.shape[1]
-        alone = np.maximum(lights, _DIM * _usual(lights)) ** -2.0 / len(lights)
-        S[np.arange(groups), np.arange(groups)] += np.bincount(group_of, alone, groups)
+        every = np.arange(groups.count)
+        S[every, every] += np.bincount(groups.group_of, lights**-2.0 / len(lights), groups.count)
         sizes = np.sqrt(np.diag(S))
-        for kind in (slice(0, groups), slice(groups, None)):
+        for kind in (slice(0, groups.count), slice(groups.count, None)):
             sizes[kind] = np.maximum(sizes[kind], _LEAST * sizes[kind].max(initial=1e-30))
         S = S / sizes[:, None] / sizes
         S[np.diag_indices_from(S)] += _LEAST

@@ -6,28 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import Float32, Float64, Int32, Positions
+from ..arrays import Float32, Float64, Int32
 from ..encoding.clustered_pca import Cluster, allocated, clustered_components
-from ..encoding.light_clustering import Groups, Pairs, merged, pair_distances
+from ..encoding.light_clustering import Groups, Pairs, kept_apart, merged, pair_distances
 from .cloud_columns import CloudColumns
 from .cloud_plan import VERTICES_A_CLUSTER
 from .cloud_settings import CloudSettings
-from .cloud_trials import Metric, Trials
-
-
-def zones_of(positions: Positions, most: int) -> list[Int32[np.ndarray, "some"]]:
-    """Vertices in boxes of at most so many, split across their longest side; each ascending."""
-    done, todo = [], [np.arange(len(positions), dtype=np.int32)]
-    while todo:
-        part = todo.pop()
-        if len(part) <= most:
-            done.append(part)
-            continue
-        across = positions[part, int(np.ptp(positions[part], axis=0).argmax())]
-        order = np.argsort(across, kind="stable")
-        half = len(part) // 2
-        todo += [np.sort(part[order[half:]]), np.sort(part[order[:half]])]
-    return done
+from .cloud_trials import Metric, Trials, bright_for
 
 
 @dataclass(frozen=True)
@@ -40,26 +25,27 @@ class Lost:
     squares: Float64[np.ndarray, "5 lamps"]
 
     def shares(self) -> dict[str, float]:
-        """RMS of each step's error as a share of the light's, the median over lamps; and of all steps the worst."""
+        """RMS of each step's error as a share of the light's: the median over lamps, and the worst of them."""
         lit = self.squares[0] > 1e-9 * self.squares[0].max(initial=0.0)
         ratios = np.sqrt(self.squares[1:, lit] / self.squares[0, lit])
         if not ratios.size:
             ratios = np.zeros((4, 1))
         names = ("interpolation_error", "merged_error", "components_error", "error")
         found = {name: float(np.median(row)) for name, row in zip(names, ratios, strict=True)}
-        return found | {"worst_error": float(ratios[3].max())}
+        return found | {f"worst_{name}": float(row.max()) for name, row in zip(names, ratios, strict=True)}
 
 
 @dataclass(frozen=True)
 class Zone:
     """A zone as it is kept.
 
-    ``clusters`` name rows among ``vertices``; their bases have a number for each group of lights, then for each mode.
-    ``total``: squares of the zone's rows, as clusters count what they leave over.
+    ``clusters`` name rows among ``vertices``; their bases have a number for each group of lights, then for each
+    of the zone's ``modes``. ``total``: squares of the zone's rows, as clusters count what they leave over.
     """
 
     vertices: Int32[np.ndarray, "vertices"]
     groups: Groups
+    modes: slice
     clusters: list[Cluster]
     total: float
 
@@ -74,12 +60,16 @@ class Lamps:
         Lamps that tell how much lights and modes have to say.
     lights
         ``(lights,)`` how bright each light of the grid is.
+    brought, squares
+        ``(lights, modes)`` what they bring of each mode; ``(modes,)`` how much light a mode is.
     held
         Lamps (the columns ``held``) that errors are measured on.
     """
 
     usual: Trials
     lights: Float64[np.ndarray, "lights"]
+    brought: Float32[np.ndarray, "lights modes"]
+    squares: Float64[np.ndarray, "modes"]
     held: Trials
 
 
@@ -93,18 +83,25 @@ def make_zone(
 ) -> Zone:
     """Cluster the lights by equation 9, then the vertices by what of their rows components leave over.
 
+    Lights whose own light would change by more than a share of it stay apart, whatever equation 9 says.
     There are more components than wanted: ``thinned`` chooses among those of all zones. Without ``lamps`` every light
     counts alike, as in the paper.
     """
     settings = columns.plan.settings
     answers = columns.rows("lights", vertices)
-    groups = merged(pair_distances(pairs, answers, w2=w2))
+    areas, modes = columns.areas[vertices], columns.modes_of(vertices)
+    distances = pair_distances(pairs, answers, w2=w2)
+    if lamps is not None:
+        allowed = MERGED_ERROR * lamps.lights / np.sqrt(len(columns.zones))
+        distances = kept_apart(distances, answers * np.sqrt(areas)[:, None], allowed)
+    groups = merged(distances)
     X = _columns_of(columns, vertices, answers, groups)
     metric = None
     if lamps is not None:
-        metric = Metric.of(lamps.usual, lamps.lights, group_of=groups.group_of, groups=groups.count)
+        weights = lamps.usual.of_groups(groups, lamps.brought, modes)
+        lights = bright_for(lamps.lights, lamps.brought, lamps.squares, modes)
+        metric = Metric.of(weights / lamps.usual.bright_in(lamps.squares, modes), lights, groups)
         X = metric.weighed(X)
-    areas = columns.areas[vertices]
     own = settings.clusters or max(1, round(len(vertices) / VERTICES_A_CLUSTER))
     clusters = clustered_components(
         X, clusters=own, mean_components=_SPARE * settings.coefficients, error=settings.error, importance=areas,
@@ -115,9 +112,10 @@ def make_zone(
             replace(cluster, mean=metric.unweighed(cluster.mean), basis=metric.unweighed(cluster.basis))
             for cluster in clusters
         ]
-    return Zone(vertices, groups, clusters, total)
+    return Zone(vertices, groups, modes, clusters, total)
 
 
+MERGED_ERROR = 0.04  # of a light, that two lights of a group may differ by in all zones together, RMS
 _SPARE = 1.5  # times the coefficients wanted: what a zone may have more than others
 
 
@@ -129,15 +127,15 @@ def thinned(zones: list[Zone], settings: CloudSettings) -> list[Zone]:
     return [replace(zone, clusters=[next(kept) for _ in zone.clusters]) for zone in zones]
 
 
-def lost(columns: CloudColumns, zone: Zone, lamps: Trials) -> Lost:
+def lost(columns: CloudColumns, zone: Zone, lamps: Lamps) -> Lost:
     """What lamps that were solved in full lose in a zone, step by step."""
     vertices, groups = zone.vertices, zone.groups
     true = columns.rows("held", vertices).transpose(2, 1, 0).astype(np.float64)
     answers = columns.rows("lights", vertices)
     X = _columns_of(columns, vertices, answers, groups)
-    own, lights = answers.transpose(2, 1, 0), len(groups.group_of)
-    dense = own @ lamps.weights[:lights] + X[:, :, groups.count :] @ lamps.weights[lights:]
-    of_groups = lamps.of_groups(groups.group_of, groups.count)
+    rows = np.concatenate([answers.transpose(2, 1, 0), X[:, :, groups.count :]], axis=2)
+    dense = rows @ lamps.held.of_lights(lamps.brought, zone.modes)
+    of_groups = lamps.held.of_groups(groups, lamps.brought, zone.modes)
     grouped = X @ of_groups
     kept = np.empty_like(grouped)
     for cluster in zone.clusters:
@@ -153,7 +151,7 @@ def _columns_of(
 ) -> Float32[np.ndarray, "colours vertices columns"]:
     means = _merged_answers(answers, groups, columns.plan.settings.merge)
     if columns.modes:
-        means = np.concatenate([means, columns.rows("modes", vertices)])
+        means = np.concatenate([means, columns.rows("modes", vertices)[columns.modes_of(vertices)]])
     return np.ascontiguousarray(means.transpose(2, 1, 0))
 
 

@@ -68,21 +68,38 @@ def thinned_operator(
     gathering: Gathering, scene: Scene, *, rays: int, most: float = MOST_ENTRIES
 ) -> FirstBounce:
     """The operator of so many rays a row, with at most so many entries a row in the mean; its error not measured."""
+    return thinned_operators(gathering, scene, rays=rays, most=(most,))[0]
+
+
+def thinned_operators(
+    gathering: Gathering, scene: Scene, *, rays: int, most: tuple[float, ...]
+) -> list[FirstBounce]:
+    """The same several times, finer and coarser."""
     order = vertex_order(scene.positions, scene.normals)
     masses, colours, tried = _columns(gathering)
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
-    tree = place, left_shares(order, masses)
-    threshold = _SMALLEST / rays
-    while _counts(tried, tree, threshold).mean() > most:
-        threshold *= _LADDER
-    for _ in range(_ADJUSTMENTS):
-        tree = place, _shares_of_dropped(tried, tree, threshold, masses.sum(dtype=np.float64) * _TRUST)
-    parts = [thinned((t.starts, t.columns, _grey(t.values)), tree, threshold) for t in gathering.tiles()]
-    counts, sums, scales, steps, codes = (np.concatenate(found) for found in zip(*parts, strict=True))
-    return FirstBounce(
-        order, tree[1], colours, sums, scales, counts.astype(np.uint16), steps, codes, threshold
-    )
+    trust = masses.sum(dtype=np.float64) * _TRUST
+    cuts = []
+    for entries in most:
+        tree = place, left_shares(order, masses)
+        threshold = _SMALLEST / rays
+        while _counts(tried, tree, threshold).mean() > entries:
+            threshold *= _LADDER
+        for _ in range(_ADJUSTMENTS):
+            tree = place, _shares_of_dropped(tried, tree, threshold, trust)
+        cuts.append((tree, threshold))
+    parts: list[list] = [[] for _ in most]
+    for tile in gathering.tiles():
+        matrix = tile.starts, tile.columns, _grey(tile.values)
+        for found, (tree, threshold) in zip(parts, cuts, strict=True):
+            found.append(thinned(matrix, tree, threshold))
+    out = []
+    for found, (tree, threshold) in zip(parts, cuts, strict=True):
+        counts, sums, scales, steps, codes = (np.concatenate(each) for each in zip(*found, strict=True))
+        counts = counts.astype(np.uint16)
+        out.append(FirstBounce(order, tree[1], colours, sums, scales, counts, steps, codes, threshold))
+    return out
 
 
 def _grey(values: Float32[np.ndarray, "channels entries"]) -> Float32[np.ndarray, "entries"]:

@@ -180,6 +180,8 @@ def _write_openings(written: WrittenArrays, room: PortalsRoom) -> None:
     written.write(f"{at}/corners", np.ascontiguousarray(portals.corners, np.float32))
     written.write(f"{at}/pane_of", portals.pane_of.astype(np.int32))
     written.write(f"{at}/origins", np.ascontiguousarray(room.origins, np.float32))
+    if (room.beyond >= 0).any():
+        written.write(f"{at}/beyond", room.beyond.astype(np.int32))
     if len(portals.glass):
         written.write(f"{at}/glass_triangles", np.sort(portals.glass).astype(np.int32))
 

@@ -17,6 +17,7 @@ from ..transport.ordering import receiver_order
 from ..transport.portal_caustics import PortalCaustics
 from ..transport.portal_light import PortalRays
 from ..transport.portal_openness import Openness, portal_openness, through_others
+from ..transport.reveals import beyond_glass
 from ..transport.seen_cells import Glazing
 from ..transport.specular import specular_materials, without_specular
 from ..transport.vantage import vantage_points
@@ -25,7 +26,7 @@ from .exitant import ExitantPart
 from .portals_settings import PortalsSettings
 
 _CLOSED = 0.0  # share of free rays on the open side: light cannot leave
-_OUTSIDE = 0.995  # share of free rays on either side: nothing of the room is near
+_OUTSIDE = 0.9  # share of free rays on either side: the room is not around it
 _WITHIN = 0.98  # share of free rays through other portals: what is not flat, as panes are, stands in the room
 _MOST_LAYERS = 4  # panes that a ray from a glossy vertex may pass
 _THROUGH_TWO = 1e-3  # share of free rays through another pane: rays then count for the last one
@@ -63,8 +64,21 @@ class PortalsRoom:
     @cached_property
     def origins(self) -> Positions:
         """Where rays of the receivers begin; not in a corner between a wall and a portal either."""
+        return self._standing[0]
+
+    @property
+    def beyond(self) -> Int32[np.ndarray, "receivers"]:
+        """The pane that receivers outside are seen through, in a window's reveal; −1 of all that are inside."""
+        return self._standing[1]
+
+    @cached_property
+    def _standing(self) -> tuple[Positions, Int32[np.ndarray, "receivers"]]:
         whole, count = _closed(self.open, self.portals), len(self.open.positions)
-        return vantage_points(whole, Occluders(whole.positions, whole.triangles))[:count]
+        inside = vantage_points(whole, Occluders(whole.positions, whole.triangles))[:count]
+        outside = vantage_points(self.open, self.occluders)
+        normals = self.open.normals
+        beyond = beyond_glass(self.occluders, self.portals, self._glass, origins=outside, normals=normals)
+        return np.where((beyond >= 0)[:, None], outside, inside), beyond
 
     @cached_property
     def order(self) -> Int32[np.ndarray, "receivers"]:
@@ -80,15 +94,24 @@ class PortalsRoom:
             self.open.normals[self.order],
             resolution=settings.cube,
             rays=settings.rays,
+            beyond=self.beyond[self.order],
         )
 
     def rays_from(
-        self, origins: Positions, normals: Normals, *, resolution: int, rays: int, alike: bool = False
+        self,
+        origins: Positions,
+        normals: Normals,
+        *,
+        resolution: int,
+        rays: int,
+        alike: bool = False,
+        beyond: Int32[np.ndarray, "receivers"] | None = None,
     ) -> PortalRays:
-        """Of any receivers; ``alike`` to the same points for all of them."""
+        """Of any receivers; ``alike`` to the same points for all of them, ``beyond`` as the attribute."""
         return PortalRays(
             self.occluders, self.portals, origins=origins, normals=normals, resolution=resolution, rays=rays,
             seed=self.settings.seed, glass=self._glass, layered=self.openness.behind > _THROUGH_TWO, alike=alike,
+            beyond=beyond,
         )  # fmt: skip
 
     @cached_property

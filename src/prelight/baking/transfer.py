@@ -23,20 +23,22 @@ from ..storage.chunks import ArraySpec, ChunkRecord, chunk_key, open_chunk
 from ..storage.journal import BakeWriter, refuse_target
 from ..storage.manifest import FORMAT, VERSION, LayerRecord, Manifest
 from ..transport.bounces import bounced
+from ..transport.gap_rays import Gaps
 from ..transport.gathering import Gathering
 from ..transport.mesh_fitness import measure_fitness
+from ..transport.specular import without_specular
 from ..transport.spreading import vertex_areas
 from .bounced import HELD
 from .bounced_writer import FIRST
 from .carrying_out import carry_out, check_disk
 from .exitant import ExitantPart
-from .first_bounce import FirstBounce, thinned_operator
+from .first_bounce import FirstBounce, thinned_operators
 from .later_bounces import LaterBounces, later_bounces
 from .layer_writer import software
 from .scene_arrays import WrittenArrays, scene_record, whole
 from .thinned_gathering import ThinnedGathering
 from .transfer_plan import TransferPlan, plan_transfer
-from .transfer_settings import HELD_OUT, TRIALS, TransferSettings
+from .transfer_settings import COARSER, HELD_OUT, TRIALS, TransferSettings
 from .trial_lights import TrialLights
 
 LAYER = "transfer"
@@ -46,6 +48,7 @@ _FIT_POINTS = 4_000
 _HELD_OUT_SEED = 1
 _CLEAR = 0.03  # of the scene's extent: how far from surfaces lights are that errors are told of
 _DIGITS = 6
+_LEAST_ENTRIES = 16
 
 
 def bake_transfer(
@@ -109,6 +112,8 @@ def identity(plan: TransferPlan) -> dict[str, int | float | str | None]:
     settings = plan.settings
     names = ("gather_rays", "entries", "operator_bounces", "modes", "glossy_order")
     asked = {name: getattr(settings, name) for name in names}
+    if plan.caustics:
+        asked["caustics"] = 1
     return {"kind": "transfer", "scene": plan.scene.digest, **asked, **software()}
 
 
@@ -126,6 +131,8 @@ class _Making:
             )
         if self.gloss is not None:  # of seconds, so that the journal need not know it
             self.scene = self.gloss.bouncing(self.scene)
+        if plan.caustics:
+            self.scene = without_specular(self.scene)
         self.areas = vertex_areas(plan.scene)
 
     def run(self) -> Manifest:
@@ -141,15 +148,18 @@ class _Making:
         began, settings, scene = time.perf_counter(), self.settings, self.scene
         gathering = Gathering.trace(
             scene, self.ground.occluders, origins=self.ground.origins, rays=settings.gather_rays,
-            memory=self.plan.operator_bytes, report=lambda share: self.report(0.4 * share),
+            memory=self.plan.operator_bytes, gaps=Gaps.of(scene, self.ground.occluders, self.ground.origins),
+            report=lambda share: self.report(0.4 * share),
         )  # fmt: skip
-        first = thinned_operator(gathering, scene, rays=settings.gather_rays, most=settings.entries)
+        most = [settings.entries]
+        if settings.operator_bounces > 1:
+            most.append(max(_LEAST_ENTRIES, settings.entries // COARSER))
+        first, *later = thinned_operators(gathering, scene, rays=settings.gather_rays, most=tuple(most))
         self.report(0.55)
         D = np.repeat(self._lights(HELD_OUT, seed=_HELD_OUT_SEED)[:, :, None], 3, axis=2)
         true = gathering.bounce(D)
         solved = bounced(gathering, D)
-        lost = _shares(ThinnedGathering(first).bounce(D) - true, true, self.areas)
-        first = replace(first, error=_told(float(np.median(lost))))
+        first = replace(first, error=self._lost(first, D, true))
         fit = measure_fitness(
             scene,
             self.ground.occluders,
@@ -159,12 +169,19 @@ class _Making:
         )
         self.report(0.65)
         arrays = {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
+        for name in FIRST if later else ():
+            arrays[f"later/{name}"] = _not_empty(getattr(later[0], name))
         arrays["origins"] = self.ground.origins
         told = {
             "rays": gathering.rays, "entries": gathering.entries, "first_error": first.error,
             "first_entries": int(first.counts.sum(dtype=np.int64)), "first_threshold": first.threshold,
             "held": _told(fit.share), "edge": _told(min(fit.edge_for(HELD), 1e9)),
         }  # fmt: skip
+        if later:
+            told |= {
+                "later_entries": int(later[0].counts.sum(dtype=np.int64)), "later_threshold": later[0].threshold,
+                "later_error": self._lost(later[0], true, gathering.bounce(true)),
+            }  # fmt: skip
         # What later bounces are measured against: not part of the finished bake.
         kept = {"solved": solved.indirect}
         return self._keep("operator", arrays, kept, told, began)
@@ -172,10 +189,10 @@ class _Making:
     def _modes(self) -> dict[str, Any]:
         """Factors of what follows the first bounces, from the thinned operator alone."""
         began, settings = time.perf_counter(), self.settings
-        first, solved = self._read_first(), self._read("solved")
-        thin = ThinnedGathering(first)
+        first, solved = ThinnedGathering(self._read_first()), self._read("solved")
+        later = ThinnedGathering(self._read_first("later")) if settings.operator_bounces > 1 else first
         found = later_bounces(
-            thin, self._lights(TRIALS, seed=0), self.areas, operator_bounces=settings.operator_bounces,
+            later, self._lights(TRIALS, seed=0), self.areas, operator_bounces=settings.operator_bounces,
             modes=settings.modes, report=lambda share: self.report(0.65 + 0.33 * share),
         )  # fmt: skip
         modes, scales = in_bytes(found.modes)
@@ -185,7 +202,7 @@ class _Making:
             "source_scales": np.stack([scale for _, scale in sources]),
         }  # fmt: skip
         held_out = np.repeat(self._lights(HELD_OUT, seed=_HELD_OUT_SEED)[:, :, None], 3, axis=2)
-        errors, left_out = self._errors(thin, found, held_out, solved)
+        errors, left_out = self._errors((first, later), found, held_out, solved)
         told = {
             "modes": found.modes.shape[1], "remaining": _told(min(found.remaining, 1e9)),
             "left_out": left_out, "error": _told(float(np.median(errors))), "worst_error": _told(float(errors.max())),
@@ -193,17 +210,26 @@ class _Making:
         return self._keep("modes", arrays, {}, told, began)
 
     def _errors(
-        self, thin: ThinnedGathering, found: LaterBounces, D: np.ndarray, solved: np.ndarray
+        self,
+        thin: tuple[ThinnedGathering, ThinnedGathering],
+        found: LaterBounces,
+        D: np.ndarray,
+        solved: np.ndarray,
     ) -> tuple[np.ndarray, float]:
         """Of lights that no mode was found from: how wrong each one's indirect light is, and the modes' part of it."""
         light, total = D, np.zeros_like(D)
-        for _ in range(self.settings.operator_bounces):
-            light = thin.bounce(light)
+        for n in range(self.settings.operator_bounces):
+            light = thin[min(n, 1)].bounce(light)
             total += light
         ours = total + found.of(light)
-        truly = total + bounced(cast(Gathering, thin), light).indirect
+        truly = total + bounced(cast(Gathering, thin[1]), light).indirect
         by_modes = _shares(ours - truly, truly, self.areas)
         return _shares(ours - solved, solved, self.areas), _told(float(np.median(by_modes)))
+
+    def _lost(self, thinned: FirstBounce, light: np.ndarray, truly: np.ndarray) -> float:
+        """What thinning takes from a bounce of the middle one of some lights, RMS."""
+        ours = ThinnedGathering(thinned).bounce(light)
+        return _told(float(np.median(_shares(ours - truly, truly, self.areas))))
 
     def _lights(self, count: int, *, seed: int) -> np.ndarray:
         ground, scene = self.ground, self.scene
@@ -244,10 +270,10 @@ class _Making:
         key = chunk_key(name, (0,) * len(spec.shape))
         return open_chunk(self.writer.partial, key, spec, ChunkRecord(**entry["chunks"][key]))
 
-    def _read_first(self) -> FirstBounce:
+    def _read_first(self, which: str = "first") -> FirstBounce:
         told = next(entry["told"] for entry in self.writer.entries if entry["part"] == "operator")
-        arrays = {name: np.array(self._read(f"first/{name}", _AT)) for name in FIRST}
-        return FirstBounce(**arrays, threshold=told["first_threshold"], error=told["first_error"])
+        arrays = {name: np.array(self._read(f"{which}/{name}", _AT)) for name in FIRST}
+        return FirstBounce(**arrays, threshold=told[f"{which}_threshold"], error=told[f"{which}_error"])
 
     def _manifest(self, *entries: dict[str, Any]) -> Manifest:
         plan, settings = self.plan, self.settings
@@ -273,6 +299,7 @@ class _Making:
             parameters={
                 "gather_rays": settings.gather_rays, "operator_bounces": settings.operator_bounces, "bounces": "all",
                 "asked_entries": settings.entries, "asked_modes": settings.modes, **glossy,
+                **({"caustics": 1} if plan.caustics else {}),
             },
             statistics=told,
         )  # fmt: skip

@@ -9,12 +9,13 @@ from ..arrays import Positions
 from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
+from ..transport.specular import as_photons_see, is_specular, specular_materials
 from ..transport.vantage import vantage_points
 from .bounced_plan import tried_rows
 from .environment_plan import machine_memory
 from .exitant import ExitantPlan, plan_exitant
 from .first_bounce import BYTES_PER_ENTRY, BYTES_PER_VERTEX
-from .transfer_settings import HELD_OUT, TRIALS, TransferSettings
+from .transfer_settings import COARSER, HELD_OUT, TRIALS, TransferSettings
 
 _PROCESS_BYTES = 400_000_000  # Python, the renderer and its compiler
 _BYTES_PER_TRIANGLE = 200  # of the renderer's tree
@@ -50,6 +51,11 @@ class TransferPlan:
         """The scene's triangles in the renderer, and where its vertices look out."""
         return self._ground
 
+    @property
+    def caustics(self) -> bool:
+        """Whether there is clear glass or a mirror, whose light photons carry."""
+        return self.settings.caustics and bool(specular_materials(self.scene).any())
+
     def summary(self) -> dict[str, float | int | list[str]]:
         """What ``--dry-run --json`` prints."""
         names = ("vertices", "triangles", "rays", "entries", "seconds", "memory", "bytes")
@@ -76,21 +82,24 @@ def plan_transfer(scene: Scene, settings: TransferSettings) -> TransferPlan:
     Raises
     ------
     InputError
-        More memory is needed than allowed.
+        More memory is needed than allowed, or photons cannot carry a material.
     MissingExtraError
         Mitsuba or its LLVM is not installed.
     """
+    if settings.caustics and specular_materials(scene).any():
+        as_photons_see(scene)  # says now what photons cannot carry when relighting
     ground, V = Ground(scene), len(scene.positions)
     per_row, ray_seconds = tried_rows(
         scene, ground.occluders, ground.origins, gather_rays=settings.gather_rays
     )
     entries = int(per_row * V)
-    thinned = min(settings.entries, _KEPT_SHARE * per_row) * V
-    on_disk = int(V * (BYTES_PER_VERTEX + 12 + 4 * settings.modes) + BYTES_PER_ENTRY * thinned)
+    finer = min(settings.entries, _KEPT_SHARE * per_row) * V
+    thinned = min(settings.entries // COARSER, _KEPT_SHARE * per_row) * V  # of light that has bounced before
+    on_disk = int(V * (2 * BYTES_PER_VERTEX + 12 + 4 * settings.modes) + BYTES_PER_ENTRY * (finer + thinned))
     fixed = _PROCESS_BYTES + len(scene.triangles) * _BYTES_PER_TRIANGLE + on_disk
     fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * _BYTES_PER_RAY
     lights = 3 * (TRIALS + 2 * settings.modes)
-    fixed += int(V * 4 * (lights + _COPIES * _COLUMNS_AT_ONCE) + 8 * thinned)
+    fixed += int(V * 4 * (lights + _COPIES * _COLUMNS_AT_ONCE) + 8 * (finer + thinned))
     wanted = entries * (16 if scene.textures else 8) + 8 * V
     left = int(_USED_SHARE * (settings.memory or machine_memory() // 2) - fixed)
     if left < 0:
@@ -119,15 +128,19 @@ def plan_transfer(scene: Scene, settings: TransferSettings) -> TransferPlan:
         + 16 * len(scene.triangles)
         + sum(t.nbytes for t in scene.textures),
         operator_bytes=left,
-        notes=() if settings.glossy_order else _notes(scene),
+        notes=() if settings.glossy_order else _notes(scene, caustics=settings.caustics),
         glossy=glossy,
         _ground=ground,
     )
 
 
-def _notes(scene: Scene) -> tuple[str, ...]:
+def _notes(scene: Scene, *, caustics: bool) -> tuple[str, ...]:
     """What this kind of bake cannot carry, one line."""
-    glossy = [material.name for material in scene.materials if not material.is_lambertian]
+    glossy = [
+        material.name
+        for material in scene.materials
+        if not material.is_lambertian and not (caustics and is_specular(material))
+    ]
     if not glossy:
         return ()
     names = ", ".join(name[:40] for name in glossy[:4]) + (", …" if len(glossy) > 4 else "")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from ..errors import InputError
 from ..storage.exitant_part import MOST_ORDER
 from ..storage.transfer_layer import MOST_BOUNCES
-from .first_bounce import MOST_ENTRIES
 from .later_bounces import MOST_MODES
 
 LEAST_MEMORY = 500_000_000
@@ -17,6 +16,8 @@ MOST_GATHER_RAYS = 1 << 14
 TRIALS = 248  # lights that modes are found from
 HELD_OUT = 16  # others, that errors are measured on
 OPERATOR_BOUNCES = 2
+ENTRIES = 300  # of a row
+COARSER = 3  # times fewer for light that has bounced before
 
 
 @dataclass(frozen=True)
@@ -28,13 +29,16 @@ class TransferSettings:
     gather_rays
         Rays from each vertex that find what light has bounced towards it; a square number up to 16,384.
     entries
-        Of the thinned operator, in the mean of its rows: 16 to 4096. More are truer and slower.
+        Of the thinned operator, in the mean of its rows: 16 to 4096, a third of them for light that has bounced before.
+        More are truer and slower.
     operator_bounces
         How many bounces of a light the operator makes, 1 to 3; modes hold what follows.
     modes
         At most so many: 1 to 124.
     glossy_order
         Of the harmonics that glossy vertices send on, 1 to 16; 0 shows all surfaces as diffuse.
+    caustics
+        Leave what clear glass and mirrors send on to photons when relighting; otherwise they are as if diffuse.
     memory
         Bytes the process may use; default half of this machine's.
 
@@ -45,11 +49,12 @@ class TransferSettings:
     """
 
     gather_rays: int = GATHER_RAYS
-    entries: int = MOST_ENTRIES
+    entries: int = ENTRIES
     operator_bounces: int = OPERATOR_BOUNCES
     modes: int = MOST_MODES
     memory: int | None = None
     glossy_order: int = 0
+    caustics: bool = True
 
     def __post_init__(self) -> None:
         for name, value, least, most in (

@@ -12,12 +12,12 @@ from ..errors import InputError
 from ..lighting.glass import FROSTED
 from ..lighting.rig import Rig
 from ..rays.surfaces import SurfaceScene
-from ..scene.baked import scene_of
 from ..storage.bake import Bake
 from ..transport.cube_emitter import cube_emitter
 from ..transport.eye_paths import PinholeRays
 from ..transport.path_tracing import ROULETTE_FROM
 from .placed_emitters import emitter_of
+from .through_windows import windows_of
 
 _RESOLUTION = 256  # R of the environment's cube
 _DEEPEST = 64  # bounces
@@ -27,6 +27,8 @@ _DARKEST = 1e-12
 class ScreenTracer:
     """A bake's scene with its own materials under a rig's environment and placed lights, any number of bounces.
 
+    The glass of its portals and the world outside are as the rig has them (``through_windows``).
+
     Parameters
     ----------
     bake, rig
@@ -34,20 +36,22 @@ class ScreenTracer:
     camera, width, height
         From where, and how many pixels.
 
-    Raises InputError for lights that Mitsuba's path tracer does not know: what is outside, glass that is set,
-    steerable lamps, lamps of a shape of their own; and where nothing shines. MissingExtraError without the renderer.
+    Raises InputError for what Mitsuba's path tracer does not know: frosted glass, steerable lamps, lamps of a shape of
+    their own; and where nothing shines. MissingExtraError without the renderer.
     """
 
     def __init__(self, bake: Bake, rig: Rig, camera: Camera, *, width: int, height: int) -> None:
-        refuse_unknown(rig)
-        self._surfaces = SurfaceScene(scene_of(bake))
+        _refuse_steerable(rig)
+        windows = windows_of(bake, rig)
+        self._surfaces = SurfaceScene(windows.room)
         self.mi = self._surfaces.mi
         lights = [emitter_of(self.mi, lamp) for lamp in rig.lamps_at(0.0)]
-        if max(rig.environment.total) > _DARKEST:
-            lights.append(cube_emitter(self.mi, rig.environment.cube(_RESOLUTION)))
+        if max(windows.environment.total) > _DARKEST:
+            lights.append(cube_emitter(self.mi, windows.environment.cube(_RESOLUTION)))
         if not lights:
             raise InputError("light", "nothing shines: there is nothing for the path tracer to see")
-        self._scene = self._surfaces.lit_by(*lights)
+        self._scene = self._surfaces.lit_by(*lights, *windows.shapes(self.mi))
+        self._kind = "volpath" if windows.sheets else "path"  # looks for light through the sheets
         self._view = PinholeRays(self.mi, camera, width=width, height=height)
         self._pixels = width * height
 
@@ -56,7 +60,7 @@ class ScreenTracer:
         import drjit as dr
 
         mi = self.mi
-        integrator = mi.load_dict({"type": "path", "max_depth": _DEEPEST, "rr_depth": ROULETTE_FROM})
+        integrator = mi.load_dict({"type": self._kind, "max_depth": _DEEPEST, "rr_depth": ROULETTE_FROM})
         numbers = mi.load_dict({"type": "independent"})
         total = np.zeros((self._pixels, 3))
         for n in range(samples):
@@ -73,16 +77,19 @@ def refuse_unknown(rig: Rig) -> None:
         raise InputError(
             "outside", "the path tracer does not know the world outside; take it away to compare"
         )
-    if rig.tracks:
-        raise InputError(
-            "light", "the path tracer does not know lamps of steerable layers here; switch them off"
-        )
+    _refuse_steerable(rig)
     for glass in rig.portals:
         if glass.kind == FROSTED or glass.blind > 0 or glass.tint is not None or glass.kind == "shut":
             what = (
                 f"the path tracer has the glass as built, and {glass.name!r} is set; set it back to compare"
             )
             raise InputError("glass", what)
+
+
+def _refuse_steerable(rig: Rig) -> None:
+    if rig.tracks:
+        what = "the path tracer does not know lamps of steerable layers here; switch them off"
+        raise InputError("light", what)
 
 
 def pictures(

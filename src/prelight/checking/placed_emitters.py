@@ -52,7 +52,9 @@ def _panel(mi: Any, panel: PlacedPanel) -> dict[str, Any]:
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = across / 2, up / 2, panel.normal
     matrix[:3, 3] = panel.position
     radiance = {"type": "rgb", "value": [float(x) for x in panel.colour]}
+    # No bsdf null: Mitsuba's path forgets what a ray has met that goes on through it and then leaves the scene.
+    nothing = {"type": "dielectric", "int_ior": 1.0, "ext_ior": 1.0}
     return {
-        "type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": {"type": "null"},
+        "type": "rectangle", "to_world": mi.ScalarTransform4f(matrix), "bsdf": nothing,
         "emitter": {"type": "area", "radiance": radiance},
     }  # fmt: skip

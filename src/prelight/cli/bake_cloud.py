@@ -25,6 +25,7 @@ def cloud(
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
     lights: Annotated[int, _NUMBER] = 384,
     box: str | None = None,
+    shell: float = 0.0,
     radius: float = 0.0,
     zone: Annotated[int, _NUMBER] = 1024,
     clusters: Annotated[int | None, _NUMBER] = None,
@@ -33,7 +34,7 @@ def cloud(
     w1: float | None = None,
     w2: float | None = None,
     merge: str = "mean",
-    modes: Annotated[int, _NUMBER] = 256,
+    modes: Annotated[int, _NUMBER] = 512,
     interpolation: str | None = None,
     codes: str = "bytes",
     gather_rays: Annotated[int, _NUMBER] = 1024,
@@ -71,6 +72,9 @@ def cloud(
         and how long relighting takes hardly grow.
     box
         Where lights will be moved: X,Y,Z/X,Y,Z, low and high corner in metres; the box around the scene if not given.
+    shell
+        Lights half as far apart within so many metres of walls and objects: lamps will be there. About eight times as
+        many lights in this space.
     radius
         Of the grid's lights, metres: diffuse balls; 0 for points.
     zone
@@ -134,8 +138,8 @@ def cloud(
         from ..scene.loading import load_scene
 
         settings = CloudSettings(
-            lights=lights, box=None if box is None else _corners(box), radius=radius, zone=zone, clusters=clusters,
-            coefficients=coefficients, error=error, w1=w1, w2=w2, merge=merge, modes=modes,
+            lights=lights, box=None if box is None else _corners(box), shell=shell, radius=radius, zone=zone,
+            clusters=clusters, coefficients=coefficients, error=error, w1=w1, w2=w2, merge=merge, modes=modes,
             interpolation=interpolation or ("fitted" if modes else "kernel"), codes=codes,
             gather_rays=gather_rays, photons=photons, memory=budget, glossy_order=glossy_order,
         )  # fmt: skip

@@ -20,10 +20,11 @@ def transfer(
     *,
     output: Annotated[Path | None, Parameter(["--output", "-o"])] = None,
     gather_rays: Annotated[int, _NUMBER] = 1600,
-    entries: Annotated[int, _NUMBER] = 224,
+    entries: Annotated[int, _NUMBER] = 300,
     operator_bounces: Annotated[int, _NUMBER] = 2,
     modes: Annotated[int, _NUMBER] = 124,
     glossy_order: Annotated[int, _NUMBER] = 0,
+    caustics: bool = True,
     floor: float | None = None,
     subdivide: float | None = None,
     albedo: str | None = None,
@@ -57,14 +58,17 @@ def transfer(
         times as many halve the noise of bounced light.
     entries
         Of the operator of one bounce, for each vertex in the mean, 16 to 4096: more make the first bounce truer and
-        every change of light slower.
+        every change of light slower. Light that has bounced before has a third as many.
     operator_bounces
-        How many bounces the operator makes before smooth modes take over, 1 to 3: each takes as long as the first.
+        How many bounces the operator makes before smooth modes take over, 1 to 3.
     modes
         How many of them at most, 1 to 124.
     glossy_order
         Show what glossy materials reflect, for any camera, in spherical harmonics of this order, 1 to 16; 8 is good for
         most. 0 shows every surface as diffuse.
+    caustics
+        Photons carry what clear glass and mirrors send of a light, when it is lit or moved; --no-caustics makes them
+        diffuse, of their base colour.
     floor
         Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
@@ -97,7 +101,9 @@ def transfer(
         from ..baking.transfer_settings import TransferSettings
         from ..scene.loading import load_scene
 
-        settings = TransferSettings(gather_rays, entries, operator_bounces, modes, budget, glossy_order)
+        settings = TransferSettings(
+            gather_rays, entries, operator_bounces, modes, budget, glossy_order, caustics
+        )
         loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
         plan = plan_transfer(loaded, settings)
     if not json:

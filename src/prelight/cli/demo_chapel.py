@@ -15,10 +15,16 @@ if TYPE_CHECKING:
 
 SCENE = "portals-small"
 _NAME = "chapel.prelight"
-# A winter's noon through stained glass, a candle's warmth at the altar, a spot on the way to it.
+# A winter's noon through stained glass, dimmed until its colours are seen beside a warm lamp at the altar and a spot on
+# the way to it; blinds before the clear windows.
 _RIG = """[sun]
 place = [43.7, 15.9]
 time = "2026-12-21T11:10"
+scale = 0.02
+
+[[portal]]
+name = "clear glass"
+blind = 0.6
 
 [[lamp]]
 name = "by the altar"
@@ -32,7 +38,7 @@ name = "on the aisle"
 position = [0.0, 4.6, 2.6]
 target = [0.0, 0.0, -1.0]
 width_deg = 34
-intensity = [1.9, 1.65, 1.3]
+intensity = [4.0, 3.4, 2.6]
 """
 
 

@@ -13,8 +13,12 @@ def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
     settings, told, seconds = layer["parameters"], layer["statistics"], layer["seconds"]
     entries = told["first_entries"] / max(layer["basis_lights"], 1)
     bounces = settings["operator_bounces"]
-    by_operator = "the first bounce" if bounces == 1 else f"the first {bounces} bounces"
-    gloss = "light through glass" if settings.get("glossy_order") else "gloss"
+    by_operator = f"the first by {entries:.0f} entries a vertex"
+    if bounces > 1:
+        later = told.get("later_entries", told["first_entries"]) / max(layer["basis_lights"], 1)
+        by_operator += f", {'the second' if bounces == 2 else 'two more'} by {later:.0f}"
+    caustics = settings.get("caustics")
+    gloss = "gloss" if not settings.get("glossy_order") else "what is seen through glass"
     took = f", {printing.duration(seconds)}" if seconds is not None else ""
     return [
         ("layer", f"{layer['name']} ({layer['kind']})"),
@@ -22,7 +26,12 @@ def rows_of_transfer(layer: dict[str, Any]) -> list[tuple[str, str]]:
         ("  lights", "any: lamps, spots and panels anywhere, an environment; their shadows by rays"),
         (
             "  bounces",
-            f"{by_operator} by {entries:.0f} entries a vertex, the rest by {layer['coefficients']} modes",
+            f"{by_operator}, the rest by {layer['coefficients']} modes",
+        ),
+        *(
+            [("  caustics", "of lamps, spots and panels, by photons when they are lit or moved")]
+            if caustics
+            else []
         ),
         (
             "  errors",

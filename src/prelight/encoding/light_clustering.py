@@ -101,6 +101,22 @@ def pair_distances(pairs: Pairs, answers: Answers, *, w2: float) -> Float32[np.n
     return out
 
 
+def kept_apart(
+    distances: Float32[np.ndarray, "lights lights"], answers: Answers, allowed: Float64[np.ndarray, "lights"]
+) -> Float32[np.ndarray, "lights lights"]:
+    """The same, but 2 for pairs whose answers differ by more, root of the squares, than is allowed for either.
+
+    Equation 9 bounds the largest difference; of a light that brings little, that may be most of what it brings.
+    """
+    rows = answers.reshape(len(answers), -1)
+    products = (rows @ rows.T).astype(np.float64)
+    squares = np.diag(products)
+    apart = squares[:, None] + squares[None] - 2 * products
+    out = np.where(apart > np.square(np.minimum(allowed[:, None], allowed[None])), _FAR, distances)
+    np.fill_diagonal(out, 0)
+    return out.astype(np.float32)
+
+
 def merged(distances: Float32[np.ndarray, "lights lights"]) -> Groups:
     """Bottom-up groups, the most alike first, every pair of two lights in a group below 1."""
     first = np.empty(len(distances), np.int32)

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..arrays import Float32
+from ..arrays import Float32, Int32
 from .sparse_tiles import GROUP, groups_of
 
 MOST_MODES = 256
 _LEVELS = 127
+BLOCK = 1024  # vertices that share scales of their own
 
 
 def in_bytes(
@@ -22,6 +23,14 @@ def in_bytes(
     scale = (np.abs(values).max(axis=0, initial=0.0) / _LEVELS).astype(np.float32)
     inverse = np.divide(1, scale, out=np.zeros_like(scale), where=scale > 0)
     return np.rint(values * inverse).astype(np.int8), scale
+
+
+def in_blocks(
+    values: Float32[np.ndarray, "rows modes"], order: Int32[np.ndarray, "rows"]
+) -> tuple[np.ndarray, Float32[np.ndarray, "blocks modes"]]:
+    """Signed bytes of the rows in ``order``, and scales for each thousand of them."""
+    parts = [in_bytes(values[order[first : first + BLOCK]]) for first in range(0, len(order), BLOCK)]
+    return np.concatenate([rows for rows, _ in parts]), np.stack([scales for _, scales in parts])
 
 
 def grouped(rows: np.ndarray) -> np.ndarray:

@@ -189,11 +189,16 @@ def tables_of(columns: Float32[np.ndarray, "cells n"], resolution: int) -> Float
     return np.stack([np.ascontiguousarray(columns, np.float32), turned.T])
 
 
-def light_tables(shell: Float32[np.ndarray, "6 R R 3"]) -> Float32[np.ndarray, "2 cells 4"]:
-    """The tables of a shell's radiance, filled up to four channels."""
+def light_tables(
+    shell: Float32[np.ndarray, "6 R R 3"], *, haar: bool = True
+) -> Float32[np.ndarray, "2 cells 4"]:
+    """The tables of a shell's radiance, filled up to four channels; the second is 0 where no row is of ``haar``."""
     R = shell.shape[1]
     wide = np.zeros((2, 6 * R * R, 4), np.float32)
-    wide[:, :, :3] = tables_of(shell.reshape(-1, 3), R)
+    if haar:
+        wide[:, :, :3] = tables_of(shell.reshape(-1, 3), R)
+    else:
+        wide[0, :, :3] = shell.reshape(-1, 3)
     return wide
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from ..arrays import CubeMap, Float32
 from ..bases import cube_map
 from .frost_kernels import blur
+from .glass import Glass
+from .rough_pane import rough_pane
 
 _CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
 _CUT = 4.0  # standard deviations
@@ -50,8 +52,27 @@ def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] 
     side[3] = (_TABLE - 1) / most
     out = np.empty((len(directions), 3), np.float32)
     inputs = np.concatenate([inner, areas[:, None]], axis=1)
+    if outward is not None:  # what does not count need not be looked at for every direction
+        ahead = inner @ side[:3] >= 0
+        inputs, light = inputs[ahead], light[ahead]
     blur(*(_frozen(a) for a in (directions, inputs, light, table, side)), out)
     return out.reshape(shell.shape)
+
+
+def through_glass(shell: CubeMap, glass: Glass, outward: Float32[np.ndarray, "3"]) -> CubeMap:
+    """A shell as it is seen through glass but for its colour: blurred, and of a rough pane dimmed at a slant.
+
+    A pane that is not flat (``outward`` zero) lets as much through everywhere as a rough one does of an even sky.
+    """
+    blurred = frosted(shell, glass.frost, outward)
+    if glass.rough is None:
+        return blurred
+    pane = rough_pane(glass.rough)
+    if not outward.any():
+        return blurred * np.float32(pane.mean)
+    directions, _ = _cells(shell.shape[1])
+    share = pane.share(directions @ outward).astype(np.float32)
+    return blurred * share.reshape(*shell.shape[:3], 1)
 
 
 @lru_cache(maxsize=8)

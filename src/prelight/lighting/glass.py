@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from ..errors import InputError
 from . import quantities
 from .quantities import Triple
+from .rough_pane import LARGEST_ROUGH, LEAST_ROUGH, rough_pane
 
 CLEAR, FROSTED, SHUT = "clear", "frosted", "shut"
 KINDS = (CLEAR, FROSTED, SHUT)
@@ -34,6 +35,9 @@ class Glass:
         Of frosted glass: the standard deviation of the angle by which it turns light, degrees, up to 60.
     blind
         Share of the portal that a blind covers, 0 to 1; it dims the portal alike everywhere.
+    rough
+        Of frosted glass, in place of ``frost_deg``: the GGX roughness of one of its faces, 0.02 to 1, which says by how
+        much it turns light and how much it lets through at each angle (``rough_pane``). None lets alike through.
 
     Raises InputError for values out of range.
     """
@@ -43,6 +47,7 @@ class Glass:
     tint: Triple | None = None
     frost_deg: float = USUAL_FROST_DEG
     blind: float = 0.0
+    rough: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -58,6 +63,11 @@ class Glass:
         ):
             if not (math.isfinite(value) and 0 <= value <= most):
                 raise InputError(name, f"{value!r}, expected 0 to {most:g}")
+        if self.rough is not None:
+            if self.kind != FROSTED:
+                raise InputError("rough", f"is of frosted glass, and this is {self.kind}")
+            if not (math.isfinite(self.rough) and LEAST_ROUGH <= self.rough <= LARGEST_ROUGH):
+                raise InputError("rough", f"{self.rough!r}, expected {LEAST_ROUGH:g} to {LARGEST_ROUGH:g}")
 
     def is_for(self, portal: str) -> bool:
         """Whether it is the glass of a portal of this name."""
@@ -68,6 +78,8 @@ class Glass:
     @property
     def frost(self) -> float:
         """The angle that light is turned by, degrees; 0 of what is not frosted."""
+        if self.rough is not None:
+            return rough_pane(self.rough).turned_deg
         return self.frost_deg if self.kind == FROSTED else 0.0
 
     def factor(self, own: Triple) -> Triple:

@@ -180,6 +180,9 @@ def _rules(table: str, properties: Mapping[str, Any]) -> list[dict[str, Any]]:
             return [_direction("target"), *_strength("radiance", ("power_w", "lumens"))]
         case "PortalTable":
             frosted = {"properties": {"glass": {"const": "frosted"}}}
-            return [{"if": _needs("frost_deg"), "then": frosted}]
+            return [
+                *({"if": _needs(name), "then": frosted} for name in ("frost_deg", "rough")),
+                _at_most_one(("frost_deg", "rough")),
+            ]
         case _:
             return []

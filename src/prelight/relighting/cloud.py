@@ -137,6 +137,10 @@ class CloudRelighter:
     def _found(self, light: PlacedLight) -> _Known:
         direct = self._placed.of(light)
         notes = [note for note in (self._inside(light), self._outside(light)) if note is not None]
+        if not notes and not self._weights.are_seen(light):
+            notes = [
+                f"{_said(light)} sees no light of the cloud; what bounces of its light is less exact there"
+            ]
         return _Known(direct, self._weights.of(light, direct), tuple(notes))
 
     def _inside(self, light: PlacedLight) -> str | None:

@@ -19,7 +19,6 @@ from ..encoding.light_fit import (
 from ..lighting.placed_lights import Lamp, PlacedLight
 from ..rays.segments import PlainSegments
 from .bounced_kernels import blocks_of, project
-from .cloud_modes import ModesInZones
 from .stored_cloud import CloudLayer
 
 _FEW = 6  # of the nearest lights that must be seen; else all are looked at
@@ -42,8 +41,7 @@ class CloudWeights:
     def __init__(self, layer: CloudLayer, segments: PlainSegments, *, interpolation: str) -> None:
         self._layer, self._segments, self.interpolation = layer, segments, interpolation
         self._extent = float((layer.high - layer.low).max())
-        has_modes = interpolation == "fitted" and layer.sources is not None
-        self._modes = ModesInZones(layer) if has_modes else None
+        self._brought_by_groups = layer.brought_by_groups() if interpolation == "fitted" else []
         if interpolation == "kernel":
             zones = range(len(layer.slot_of))
             self._groups = [layer.group_lights(zone) for zone in zones]
@@ -84,11 +82,13 @@ class CloudWeights:
             assert layer.patch_of is not None
             return np.stack([patch_flux(d, areas, layer.patch_of, layer.extras) for d in direct.T[:count]])
         light = direct * areas[:, None]
+        if layer.source_order is not None:
+            light = light[layer.source_order]
         if is_grey:
             light[:, 1:] = 0
         found = np.empty((blocks_of(len(light)), 3, layer.extras), np.float32)
         project(layer.sources[None], light, found)
-        return found.sum(axis=0, dtype=np.float64)[:count] * layer.source_scales
+        return np.einsum("bck,bk->ck", found[:, :count], layer.source_scales, dtype=np.float64)
 
     def _seen(self, place: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Neighbours that the lamp sees, how far they are, and their part of the paper's kernel."""
@@ -112,9 +112,12 @@ class CloudWeights:
         brought, (far, shape) = layer.fluxes[lights], distances
         w = fitted(target, brought, prior(far, shape), np.sqrt(shape))
         out = np.bincount(layer.slot_of[:, lights].ravel(), np.tile(w, len(layer.slot_of)), layer.slots)
-        left = target - w @ brought.astype(np.float64)
-        own = left if self._modes is None else self._modes.believed(left)
-        out[layer.first_extra[:, None] + np.arange(layer.extras)] = own
+        out = out.astype(np.float64)  # of no lights it counts in integers
+        starts = np.append(layer.slot_of.min(axis=1), layer.slots)
+        for zone, (modes, of_groups) in enumerate(self._brought_by_groups):
+            slots = slice(starts[zone] + len(of_groups), starts[zone + 1])
+            which = layer.slot_of[zone, lights] - starts[zone]
+            out[slots] = target[modes] - w @ of_groups[which]
         return out.astype(np.float32)
 
     def _by_kernel(self, place: np.ndarray) -> Float32[np.ndarray, "slots"]:
@@ -134,6 +137,13 @@ class CloudWeights:
                 shape = free.astype(np.float64)
             out[int(self._layer.slot_of[zone].min()) + found] = normalised(shape)
         return out
+
+    def are_seen(self, light: PlacedLight) -> bool:
+        """Whether a lamp sees any light of the cloud."""
+        place = self.place(light)
+        near = nearest(self._layer.lights, place, FITTED + 1)[0]
+        lights = self._layer.lights
+        return bool(self._sees(place, lights[near]).any() or self._sees(place, lights).any())
 
     def _sees(self, place: np.ndarray, lights: np.ndarray) -> np.ndarray:
         return self._segments.are_free(np.broadcast_to(place, lights.shape), lights)

@@ -26,7 +26,8 @@ class DirectToIndirect:
     """Indirect irradiance / π of direct irradiance / π, both at vertices; see docs/bake-format.md.
 
     ``sources`` say what light at a vertex brings of each mode. ``most`` is how many bounces were asked for, None for
-    all; ``by_itself`` is how many the operator makes at most before modes take over.
+    all; ``by_itself`` is how many the operator makes at most before modes take over; ``later`` is a coarser operator
+    for light that has bounced before.
     """
 
     modes: np.ndarray  # (groups, modes, 32) int8, in the order of ``order``
@@ -38,11 +39,12 @@ class DirectToIndirect:
     rows: int
     most: int | None = None
     by_itself: int = BY_ITSELF
+    later: FirstBounce | None = None
 
     @property
     def bytes(self) -> int:
         """Of what a change of light reads."""
-        first = 0 if self.first is None else self.first.bytes
+        first = sum(operator.bytes for operator in (self.first, self.later) if operator is not None)
         return self.modes.nbytes + first + (0 if self.sources is None else self.sources.nbytes)
 
     def bounced(self, direct: np.ndarray) -> Radiance:
@@ -50,8 +52,9 @@ class DirectToIndirect:
         if self.first is None:
             return self.by_modes(direct)
         total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
-        for _ in range(self.by_itself if self.most is None else self.most):
-            light = self.first.bounce(light)
+        for n in range(self.by_itself if self.most is None else self.most):
+            operator = self.later if n and self.later is not None else self.first
+            light = operator.bounce(light)
             total += light
             if float(light.sum(dtype=np.float64)) <= (_LITTLE if self.most is None else _NOTHING) * fallen:
                 break

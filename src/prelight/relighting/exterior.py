@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..images.textures import sample
 from ..images.tonemap import srgb_decode
 from ..lighting.disc import Disc
 from ..lighting.environment import Environment
-from ..lighting.outside import Outside, OutsideObject
+from ..lighting.outside import Outside, OutsideObject, Placement
 from ..rays.bodies import MOST_SUNS, NO_LIGHT, Bodies, Body, Illumination
 from ..rays.plain import PlainOccluders, PlainVisibility
 from ..scene.geometry import Scene
@@ -202,6 +203,15 @@ def _read(one: OutsideObject) -> Scene:
     values["positions"] = (scene.positions @ turn * one.scale).astype(np.float32)
     values["normals"] = (scene.normals @ turn).astype(np.float32)
     return Scene(**values)
+
+
+def placed_shape(one: OutsideObject, seconds: float, *, room: Placement) -> Scene:
+    """An object's mesh where it is at a time, in the axes of a room that stands in its world. Raises InputError."""
+    scene, place = _read(one), one.path.at(seconds)
+    turn = place.rotation.T @ room.rotation  # acts on rows
+    shift = (np.array(place.position) - np.array(room.position)) @ room.rotation
+    moved = (scene.positions @ turn + shift).astype(np.float32)
+    return replace(scene, positions=moved, normals=(scene.normals @ turn).astype(np.float32))
 
 
 def stamps(outside: Outside) -> Sequence[tuple]:

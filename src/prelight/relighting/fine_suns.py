@@ -53,6 +53,6 @@ class FineSuns:
         return Falling(irradiance, sky, of_rows, at)
 
     def lamp_light_at(self, points: Positions, normals: Normals, *, shadow_rays: int = 1) -> Radiance:
-        """The same at points (n, 3) of surfaces with unit normals, by a ray to each light."""
-        del shadow_rays  # every part of a sun is a light of its own
+        """The same at points (n, 3) of surfaces with unit normals, by rays to each light."""
+        del shadow_rays  # as many as there are parts of texels
         return self.tracer.irradiance_at(self.lights, points, normals)

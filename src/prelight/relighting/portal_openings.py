@@ -17,14 +17,16 @@ _LARGEST = 1e12
 class Openings:
     """What rays to a sun need of a bake, in metres.
 
-    ``corners`` (T, 3, 3) of the portals' triangles, the pane of each, ``origins`` (V, 3) where receivers look from, and
-    which of the scene's triangles are the portals' glass.
+    ``corners`` (T, 3, 3) of the portals' triangles, the pane of each, ``origins`` (V, 3) where receivers look from,
+    which of the scene's triangles are the portals' glass, and ``beyond`` (V,) the pane that receivers outside of the
+    glass are seen through, −1 of those inside; None where all are.
     """
 
     corners: Float32[np.ndarray, "triangles 3 3"]
     pane_of: Int32[np.ndarray, "triangles"]
     origins: Positions
     glass: Int32[np.ndarray, "some"]
+    beyond: Int32[np.ndarray, "vertices"] | None = None
 
 
 def read_openings(bake: Bake, at: str, *, panes: int) -> Openings | None:
@@ -41,4 +43,7 @@ def read_openings(bake: Bake, at: str, *, panes: int) -> Openings | None:
     for part, values, count in (("pane_of", pane_of, panes), ("glass_triangles", glass, len(bake.triangles))):
         if not ((values >= 0) & (values < count)).all():
             raise DamagedBakeError(bake.path, f"{at}/{part} names what does not exist")
-    return Openings(corners, pane_of, origins, glass)
+    beyond = bake.array(f"{at}/beyond") if f"{at}/beyond" in bake.manifest.arrays else None
+    if beyond is not None and not ((beyond >= -1) & (beyond < panes)).all():
+        raise DamagedBakeError(bake.path, f"{at}/beyond names what does not exist")
+    return Openings(corners, pane_of, origins, glass, beyond)

@@ -81,6 +81,9 @@ def _depth_within(c, x, y):
 @njit(cache=True)
 def _look_some(origins, normals, axes, shears, corners, pane_of, grid, frame, found, first, last):
     starts, listed, cells = grid
+    reach = 0.0
+    for k in range(len(shears)):
+        reach = max(reach, abs(shears[k, 0]), abs(shears[k, 1]))
     for i in range(first, last):
         found[i] = -1
         o, n = origins[i], normals[i]
@@ -89,6 +92,9 @@ def _look_some(origins, normals, axes, shears, corners, pane_of, grid, frame, fo
         x0 = o[0] * axes[0, 0] + o[1] * axes[0, 1] + o[2] * axes[0, 2]
         y0 = o[0] * axes[1, 0] + o[1] * axes[1, 1] + o[2] * axes[1, 2]
         z = o[0] * axes[2, 0] + o[1] * axes[2, 1] + o[2] * axes[2, 2]
+        aside = np.abs(z) * reach
+        if x0 < frame[0] - aside or x0 > frame[4] + aside or y0 < frame[1] - aside or y0 > frame[5] + aside:
+            continue  # along none of the rays
         for k in range(len(shears)):
             x, y = x0 - shears[k, 0] * z, y0 - shears[k, 1] * z
             if not (frame[0] <= x <= frame[4] and frame[1] <= y <= frame[5]):

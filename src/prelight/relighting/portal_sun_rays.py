@@ -45,11 +45,25 @@ class SunRays:
     ) -> None:
         self._corners, self._pane_of = corners.astype(np.float64), pane_of
         self._positions, self._triangles = positions, triangles
+        self._offset = np.float32(ray_offset(positions))
         self.panes = int(pane_of.max(initial=-1)) + 1
 
-    def seen(self, origins: Positions, normals: Normals, towards: Float64[np.ndarray, "k 3"]) -> Seen:
-        """From points (n, 3) with normals, not yet lifted, toward unit directions: each as much of the light."""
+    def seen(
+        self,
+        origins: Positions,
+        normals: Normals,
+        towards: Float64[np.ndarray, "k 3"],
+        *,
+        beyond: Int32[np.ndarray, "n"] | None = None,
+    ) -> Seen:
+        """From points (n, 3) with normals, not yet lifted, toward unit directions: each as much of the light.
+
+        With ``beyond``, the panes that points outside are seen through: what they see past all panes, and only that.
+        """
         through = self._panes_along(origins, normals, towards)
+        if beyond is not None:
+            past = (through < 0) & (normals @ towards.T.astype(np.float32) > 0)
+            through = np.where(past, beyond[:, None], np.int32(-1))
         rows = np.flatnonzero(through.max(axis=1, initial=-1) >= 0)
         if not len(rows):
             none = np.zeros(0, np.int64)
@@ -63,6 +77,19 @@ class SunRays:
         pairs, place = np.unique(rows[i] * self.panes + pane[k, i], return_inverse=True)
         weight = np.bincount(place, cosine, minlength=len(pairs)) / (len(towards) * np.pi)
         return Seen(*np.divmod(pairs, self.panes), weight)
+
+    def may_be_seen(self, direction: Float64[np.ndarray, "3"]) -> np.ndarray:
+        """Whether anything of each of the scene's triangles may lie behind the panes along a direction."""
+        across = axes_around(direction)[:2]
+        panes = (self._corners @ across.T).reshape(-1, 2)
+        slack = 2 * self._offset
+        low, high = panes.min(axis=0) - slack, panes.max(axis=0) + slack
+        flat = (self._positions @ across.T.astype(np.float32)).T
+        sides = np.zeros(flat.shape[1], np.uint8)  # of the panes' box that a vertex lies beyond, a bit each
+        for k in range(2):
+            sides |= (flat[k] < low[k]) * np.uint8(1 << 2 * k) | (flat[k] > high[k]) * np.uint8(2 << 2 * k)
+        a, b, c = self._triangles.T
+        return sides[a] & sides[b] & sides[c] == 0
 
     def _panes_along(
         self, origins: Positions, normals: Normals, towards: Float64[np.ndarray, "k 3"]
@@ -81,7 +108,7 @@ class SunRays:
         listed = np.zeros(int(starts[-1]), np.int32)
         list_cells(_frozen(boxes), frame, cells, starts, listed)
         found = np.empty((len(normals), len(towards)), np.int32)
-        lifted = np.ascontiguousarray(origins + np.float32(ray_offset(self._positions)) * normals, np.float32)
+        lifted = np.ascontiguousarray(origins + self._offset * normals, np.float32)
         look_through(
             _frozen(lifted), _frozen(np.ascontiguousarray(normals, np.float32)), _frozen(axes), _frozen(shears),
             _frozen(flat.reshape(len(towards), -1, 9)), _frozen(self._pane_of),
@@ -122,9 +149,16 @@ class SurfacePoints:
         self.normals: Normals = across[of].astype(np.float32)
         self.corners = triangles[of]
         self.areas = (area / many)[of]
+        self._many, self._facing = many, across
         self._around = np.bincount(
             self.corners.ravel(), (self.weights * self.areas[:, None]).ravel(), minlength=len(positions)
         )
+
+    def of_triangles(
+        self, chosen: np.ndarray, direction: Float64[np.ndarray, "3"]
+    ) -> Int64[np.ndarray, "some"]:
+        """The points of chosen triangles (t,) that face a direction."""
+        return np.flatnonzero(np.repeat(chosen & (self._facing @ direction > 0), self._many))
 
     def at_vertices(self, seen: Seen, panes: int) -> Seen:
         """What points see, shared among vertices."""

@@ -80,15 +80,16 @@ class PortalSuns:
 
     def unit(self, disc: Disc, *, spread: bool = False) -> Unit:
         """Of a disc, whatever its radiance; ``spread``: of all that falls around vertices, for what bounces."""
-        unit = self._once(disc, "spread", self._spread) if spread else self.sharp(disc)
-        if self._sent_on is None or not self.sends_on:
-            return unit
-        more = self._once(disc, "sent on", self._caustic)
+        units = [self._once(disc, "spread", self._spread) if spread else self.sharp(disc)]
+        if not spread and len(self._outside):
+            units.append(self._once(disc, "beyond", self._beyond))
+        if self._sent_on is not None and self.sends_on:
+            units.append(self._once(disc, "sent on", self._caustic))
         parts = ("receiver", "pane", "weight")
-        return Unit(*(np.concatenate([getattr(unit, part), getattr(more, part)]) for part in parts))
+        return Unit(*(np.concatenate([getattr(unit, part) for unit in units]) for part in parts))
 
     def sharp(self, disc: Disc) -> Unit:
-        """Of a disc at the receivers, without what glass and mirrors in the room send on."""
+        """Of a disc at receivers through panes, without what glass and mirrors in the room send on."""
         return self._once(disc, "sharp", self._sharp)
 
     def at(self, disc: Disc, points: Positions, normals: Normals, *, most: int) -> Unit:
@@ -111,8 +112,29 @@ class PortalSuns:
 
     def _spread(self, disc: Disc) -> Unit:
         places, middle = self._surface, axes_around(np.array(disc.direction))[2:]
-        seen = self._rays.seen(places.origins, places.normals, middle)
+        own = places.of_triangles(self._rays.may_be_seen(middle[0]), middle[0])
+        seen = self._rays.seen(places.origins[own], places.normals[own], middle)
+        seen = seen._replace(point=own[seen.point])
+        if self._openings.beyond is not None:
+            beyond = self._openings.beyond[places.corners].max(axis=1)
+            own = np.flatnonzero(beyond >= 0)
+            past = self._rays.seen(places.origins[own], places.normals[own], middle, beyond=beyond[own])
+            past = past._replace(point=own[past.point])
+            seen = Seen(*(np.concatenate(both) for both in zip(seen, past, strict=True)))
         return _unit(places.at_vertices(seen, self._rays.panes))
+
+    def _beyond(self, disc: Disc) -> Unit:
+        """Of receivers outside of the glass, what comes to them past it."""
+        own, found = self._outside, self._openings
+        assert found.beyond is not None  # or none is outside
+        towards, beyond = disc_points(disc), found.beyond[own]
+        past = self._rays.seen(found.origins[own], self._normals[own], towards, beyond=beyond)
+        return _unit(past._replace(point=own[past.point]))
+
+    @cached_property
+    def _outside(self) -> Int32[np.ndarray, "some"]:
+        beyond = self._openings.beyond
+        return np.zeros(0, np.int32) if beyond is None else np.flatnonzero(beyond >= 0).astype(np.int32)
 
     def _caustic(self, disc: Disc) -> Unit:
         assert self._sent_on is not None  # asked by the caller

@@ -26,7 +26,7 @@ from ..encoding.sparse_tiles import GROUP
 from ..errors import DamagedBakeError, InputError
 from ..lighting.disc import Disc, add_discs
 from ..lighting.environment import Environment
-from ..lighting.frost import frosted
+from ..lighting.frost import through_glass
 from ..lighting.glass import AS_BUILT, Glass, glass_of
 from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
@@ -41,16 +41,15 @@ from .portal_kernels import add_panes, write_scaled
 from .portal_sunlight import Sunlight, sunlight_of
 from .portals_layer import PortalsLayer, read_portals
 from .shells import Shells
+from .sun_bounces import SunBounces
 from .through_glass import Panes
 
 _ABOVE = 6.0  # times the mean radiance of a shell: a cell that is brighter is a sun's, or a lamp's
 _SHARE = 0.05  # of a shell's light that such cells have, if they are to count
-_LITTLE = 0.005  # of the light of suns that falls: what it may leave to bounce
-_MOST = 24  # bounces of suns
 
 _View = tuple[
-    int, float, tuple[float, ...]
-]  # of a shell through glass: which shell, frost, and outward if frosted
+    int, float, float, tuple[float, ...]
+]  # of a shell through glass: which shell, frost, roughness, and outward if frosted
 
 
 class PortalsRelighter:
@@ -81,6 +80,7 @@ class PortalsRelighter:
         self._of_row = np.zeros((len(self.layer.rows), 3), np.float32)  # through clear colourless glass
         self._of_suns = np.zeros_like(self._of_row)  # of that, what suns bring
         self._has_suns = np.zeros(len(self.layer.names), bool)
+        self._bounces: SunBounces | None = None
         self._rows = self.layer.rows.layer()
         self._lit, self._add, self._bounce, self._scale = (
             Pace(lit),
@@ -99,8 +99,7 @@ class PortalsRelighter:
         """Take the environment, what is outside, and the glass. Raises InputError for glass of no portal here."""
         started = time.perf_counter()
         glass = glass_of(self.layer.names, rig.portals)
-        changed = self._shells.light(rig)
-        if changed:
+        if changed := self._shells.light(rig):
             self._capture()
         if not changed and glass == self._glass:
             self.last = Update("none", (time.perf_counter() - started) * 1e3, 0, 0)
@@ -160,7 +159,7 @@ class PortalsRelighter:
                 lights = [(self._with_discs(shell, in_cells if caustic else ()), self._of_row)]
                 if suns is not None:
                     lights.append((self._with_discs(suns, in_cells if caustic else ()), self._of_suns))
-                tables = [(light_tables(light), out) for light, out in lights]
+                tables = [(light_tables(light, haar=self.layer.has_haar), out) for light, out in lights]
                 for first, last in self._stretches(portals, caustic):
                     size = int(self._bytes[last] - self._bytes[first])
                     for table, out in tables:
@@ -183,17 +182,18 @@ class PortalsRelighter:
 
     def _view(self, portal: int) -> _View:
         """What makes a portal's shell through clear or frosted glass, whatever its colour."""
-        frost = self._glass[portal].frost
+        frost, rough = self._glass[portal].frost, self._glass[portal].rough or 0.0
         shell = portal if len(self._shell) > 1 else 0
         outward = tuple(self.layer.outward[portal].tolist()) if frost else ()
-        return self._version * len(self.layer.names) + shell, frost, outward
+        return self._version * len(self.layer.names) + shell, frost, rough, outward
 
     def _seen(self, portal: int) -> CubeMap:
         """The portal's shell through its glass, without the discs that rays are sent to."""
-        shell, frost = self._shell[self._shell_of(portal)], self._glass[portal].frost
-        if not frost:
+        shell, glass = self._shell[self._shell_of(portal)], self._glass[portal]
+        if not glass.frost:
             return shell
-        return frosted(self._with_discs(shell, self._discs_of(portal)), frost, self.layer.outward[portal])
+        whole = self._with_discs(shell, self._discs_of(portal))
+        return through_glass(whole, glass, self.layer.outward[portal])
 
     def _shell_of(self, portal: int) -> int:
         return portal if len(self._shell) > 1 else 0
@@ -279,13 +279,9 @@ class PortalsRelighter:
             light += self._suns.around_vertices
         own = np.where(self._has_suns[layer.portal_of_pane, None], of_pane, np.float32(0))
         self._panes_onto(light, own, self._of_suns)
-        total, fallen = np.zeros_like(light), float(light.sum(dtype=np.float64))
-        for _ in range(min(_MOST, layer.most or _MOST)):
-            light = layer.first.bounce(light)
-            total += light
-            if float(light.sum(dtype=np.float64)) <= _LITTLE * fallen:
-                break
-        return total
+        if self._bounces is None:
+            self._bounces = SunBounces(layer.first, most=layer.most)
+        return self._bounces.of(light)
 
     @cached_property
     def _caustic(self) -> np.ndarray:

@@ -53,6 +53,11 @@ class PortalsLayer:
         return self.rows.resolution
 
     @property
+    def has_haar(self) -> bool:
+        """Whether any row is of Haar coefficients."""
+        return bool(self.rows.kind.any())
+
+    @property
     def order(self) -> int:
         """Of the harmonics that bounced light is kept in; −1 without."""
         return -1 if self.weights is None else round(self.weights.shape[1] ** 0.5) - 1

@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Float32, Float64, Int32, Int64, Positions
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
+from .bounced_kernels import blocks_of
 
 KIND = "cloud"
 _LARGEST = 1e12
@@ -25,14 +26,16 @@ class CloudLayer:
         ``(S, 3)`` metres; of each, how many of the grid it stands for in ``counts``.
     slot_of
         ``(Z, S)`` where a light's weight goes, among the weights of all zones one after the other.
-    first_extra
-        ``(Z,)`` where the weights of modes (or patches) begin, that make up for what no lights bring.
+    extras_of
+        ``(Z, 2)`` the first mode (or patch) of each zone and how many it has, that make up for what no lights bring:
+        their weights follow those of its groups.
     slots
         How many weights there are.
     fluxes, areas
         ``(S, extras)``: how much of each mode (or patch) lights bring; ``(V,)`` m²; None without.
     sources, source_scales
-        ``(V, extras)`` bytes: how much of each mode light at a vertex brings. None with patches.
+        ``(V, extras)`` bytes: how much of each mode light at a vertex brings, in ``source_order`` if that is not None;
+        ``(blocks, extras)`` for each thousand of them. None with patches.
     patch_of
         ``(V,)`` in bakes with patches.
     places, bases, codes, scales, order
@@ -51,12 +54,13 @@ class CloudLayer:
     lights: Float64[np.ndarray, "kept 3"]
     counts: Float64[np.ndarray, "kept"]
     slot_of: Int64[np.ndarray, "zones kept"]
-    first_extra: Int64[np.ndarray, "zones"]
+    extras_of: Int64[np.ndarray, "zones 2"]
     slots: int
     fluxes: Float32[np.ndarray, "kept extras"] | None
     areas: Float32[np.ndarray, "vertices"] | None
     sources: np.ndarray | None
-    source_scales: Float32[np.ndarray, "extras"] | None
+    source_scales: Float32[np.ndarray, "blocks extras"] | None
+    source_order: Int32[np.ndarray, "vertices"] | None
     patch_of: Int32[np.ndarray, "vertices"] | None
     places: Int64[np.ndarray, "clusters n"]
     bases: Float32[np.ndarray, "n"]
@@ -78,6 +82,17 @@ class CloudLayer:
     def bytes(self) -> int:
         """Of what a change of light reads."""
         return self.bases.nbytes + self.codes.nbytes + self.scales.nbytes
+
+    def brought_by_groups(self) -> list[tuple[slice, Float64[np.ndarray, "groups modes"]]]:
+        """Zone by zone which modes (or patches) it has, and how much of each its groups of lights bring."""
+        assert self.fluxes is not None
+        found = []
+        for slots, (first, count) in zip(self.slot_of, self.extras_of, strict=True):
+            modes, own = slice(first, first + count), slots - slots.min()
+            sums = np.zeros((own.max() + 1, count))
+            np.add.at(sums, own, self.counts[:, None] * self.fluxes[:, modes])
+            found.append((modes, sums / np.bincount(own, self.counts)[:, None]))
+        return found
 
     def group_lights(self, zone: int) -> Float64[np.ndarray, "groups 3"]:
         """Where a zone's groups of lights are: the mean of the grid's lights in each."""
@@ -141,7 +156,8 @@ class _Reading:
         if not all(len(np.unique(of)) == size for of, size in zip(groups, sizes, strict=True)):
             raise self.wrong("group_of has groups without lights")
         patches, modes = int(self.said["patches"]), int(self.said.get("modes", 0))
-        widths = sizes + patches + modes
+        firsts, counts = self._extras_of_zones(len(sizes), patches + modes)
+        widths = sizes + counts
         starts = np.cumsum(widths) - widths
         places, zone_rows, ends = self._places(starts, widths, V)
         bases = self._scaled_bases(places, ends[0])
@@ -156,13 +172,33 @@ class _Reading:
         ]
         return CloudLayer(
             self.name, bake.layers[self.name].parameters, self.numbers("origins"), np.ascontiguousarray(lights[:, :3]),
-            lights[:, 3].copy(), groups + starts[:, None], starts + sizes, int(widths.sum()), fluxes,
+            lights[:, 3].copy(), groups + starts[:, None],
+            np.stack([firsts, counts], axis=1), int(widths.sum()), fluxes,
             self.numbers("areas") if has_extras else None,
             bake.array(f"{self.at}/sources") if modes else None,
-            self.numbers("source_scales") if modes else None,
+            *self._sources_scaled(order, zone_rows) if modes else (None, None),
             self.indices("patch_of", patches) if patches else None, places, bases, codes, scales, order,
             self.numbers("grid").astype(np.float64), self.indices("kept_of", len(lights)), zone_rows, *corners,
         )  # fmt: skip
+
+    def _extras_of_zones(self, zones: int, extras: int) -> tuple[np.ndarray, np.ndarray]:
+        """The first mode of each zone and how many it has: all, in bakes whose modes are of the whole scene."""
+        if f"{self.at}/zone_modes" not in self.bake.manifest.arrays:
+            return np.zeros(zones, np.int64), np.full(zones, extras)
+        firsts, counts = self.bake.array(f"{self.at}/zone_modes").astype(np.int64).T
+        if firsts.min() < 0 or counts.min() < 0 or (firsts + counts).max() > extras:
+            raise self.wrong("zone_modes names what does not exist")
+        return firsts, counts
+
+    def _sources_scaled(
+        self, order: np.ndarray, zone_rows: np.ndarray
+    ) -> tuple[Float32[np.ndarray, "blocks extras"], Int32[np.ndarray, "vertices"] | None]:
+        """Scales of the sources by blocks, and the order they are in: that of the vertices in bakes with one scale."""
+        scales = self.numbers("source_scales")
+        if scales.ndim == 1:
+            return np.broadcast_to(scales, (blocks_of(len(order)), len(scales))), None
+        zones = np.split(order, np.cumsum(zone_rows)[:-1])
+        return scales, np.concatenate([np.sort(zone) for zone in zones])
 
     def _places(
         self, starts: np.ndarray, widths: np.ndarray, vertices: int

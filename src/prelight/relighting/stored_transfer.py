@@ -18,11 +18,13 @@ _LARGEST = 1e12
 
 @dataclass(frozen=True)
 class TransferLayer:
-    """Where the vertices' rays begin, and what becomes of direct light at them."""
+    """Where the vertices' rays begin, and what becomes of direct light at them; ``caustics``: glass and mirrors, which
+    bounce nothing in it, send light on by photons."""
 
     name: str
     origins: Positions
     indirect: DirectToIndirect
+    caustics: bool
 
 
 def transfer_names(bake: Bake) -> tuple[str, ...]:
@@ -59,5 +61,8 @@ def open_transfer(bake: Bake, name: str | None = None) -> TransferLayer:
         order=None,
         rows=len(bake.receivers),
         by_itself=int(bake.layers[name].parameters["operator_bounces"]),  # ty: ignore[invalid-argument-type]
+        later=read_first_bounce(bake, f"{at}/later"),
     )
-    return TransferLayer(name, numbers("origins"), indirect)
+    return TransferLayer(
+        name, numbers("origins"), indirect, bool(bake.layers[name].parameters.get("caustics"))
+    )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import CubeMap, Directions, Float64, Int32
+from ..arrays import CubeMap, Directions, Float32, Float64, Int32
 from ..bases.cube_map import directions, solid_angles
 from ..lighting.disc import Disc, Texels
 from .strong_light_kernels import cell_energies
@@ -42,6 +42,14 @@ class StrongLights:
         """Some of them."""
         k = np.array(which, np.int64)
         return StrongLights(self.rectangles[k], self.directions[k], self.energy[k])
+
+    def parts(self, side: int, *, resolution: int) -> Float32[np.ndarray, "cells parts 3"]:
+        """Unit directions of the middles of side × side parts of each rectangle, in texels of R² to a face."""
+        face, row, column, height, width = (x[:, None] for x in self.rectangles.T)
+        down, right = (x.ravel() for x in np.meshgrid(*2 * [(np.arange(side) + 0.5) / side], indexing="ij"))
+        v, u = (2 * (row + height * down) / resolution - 1, 2 * (column + width * right) / resolution - 1)
+        d = directions(np.broadcast_to(face, v.shape), u, v)
+        return np.ascontiguousarray(d, np.float32)
 
 
 NO_LIGHTS = StrongLights(np.zeros((0, 5), np.int32), np.zeros((0, 3), np.float32), np.zeros((0, 3)))

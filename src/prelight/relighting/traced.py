@@ -5,6 +5,7 @@ Vertices need no renderer for it. What a fixed eye sees of other materials does:
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 _KEPT_BYTES = 128_000_000  # of transfer, for lights that come again
 _AT_ONCE = 1 << 16  # points
+_PARTS = 8  # of a light's side, each with a ray of its own from pixels in its penumbra
+_RAYS = 64  # of such a pixel to all lights, but for one to each
 
 
 class TracedLights:
@@ -84,10 +87,32 @@ class TracedLights:
         return _as_falls(lights, self.visible(lights, rows))
 
     def reaching_at(self, lights: StrongLights, points: Positions, normals: Normals) -> Lights:
-        """The same at points (n, 3) of surfaces with unit normals."""
-        there = PlainVisibility(self._occluders, origins=points, normals=normals)
-        bits, _ = there.trace(lights.directions)
-        return _as_falls(lights, np.unpackbits(bits, axis=1, count=len(points), bitorder="little"))
+        """The same at points (n, 3) of surfaces with unit normals, by rays to parts of each light.
+
+        A texel is as wide as it is, and so is the penumbra; at vertices each light is a single direction.
+        """
+        side = min(_PARTS, max(1, math.isqrt(_RAYS // max(1, len(lights)))))
+        parts = lights.parts(side, resolution=self._layer.resolution)
+        seen = np.zeros((len(lights), len(points)), np.float32)
+        for light, toward in enumerate(parts):
+            seen[light] = self._share(toward, points, normals)
+        return _as_falls(lights, seen)
+
+    def _share(self, toward: Directions, points: Positions, normals: Normals) -> Float32[np.ndarray, "points"]:
+        """Of side × side directions, what points see: five of them say whether all others are asked."""
+        parts, side = len(toward), math.isqrt(len(toward))
+        first = np.unique([0, side - 1, parts // 2 + side // 2 * (1 - side % 2), parts - side, parts - 1])
+        share = self._free(toward[first], points, normals)
+        mixed = np.flatnonzero((share > 0) & (share < 1))
+        if len(mixed) and len(first) < parts:
+            share[mixed] = self._free(toward, points[mixed], normals[mixed])
+        return share
+
+    def _free(
+        self, toward: Directions, points: Positions, normals: Normals
+    ) -> Float32[np.ndarray, "points"]:
+        bits, _ = PlainVisibility(self._occluders, origins=points, normals=normals).trace(toward)
+        return np.unpackbits(bits, axis=1, count=len(points), bitorder="little").mean(axis=0, dtype=np.float32)
 
     def irradiance_at(self, lights: StrongLights, points: Positions, normals: Normals) -> Radiance:
         """(n, 3) irradiance / π of the lights at points of surfaces."""
@@ -140,7 +165,7 @@ class TracedLights:
 
 
 def _as_falls(lights: StrongLights, seen: np.ndarray) -> Lights:
-    """``seen`` (lights, places) of 0 and 1."""
+    """``seen`` (lights, places), shares of the lights."""
     d = np.broadcast_to(lights.directions, (seen.shape[1], *lights.directions.shape))
     energy = (seen.T[:, :, None] * lights.energy).astype(np.float32)
     return np.ascontiguousarray(d, np.float32), energy

@@ -24,6 +24,7 @@ from ..lighting.rig import Rig
 from ..storage.bake import Bake
 from .environment import Update
 from .pixel_light import PointLit
+from .placed_caustics import PlacedCaustics
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
 from .placed_gloss import PlacedGloss
 from .sky_direct import SkyDirect
@@ -71,6 +72,7 @@ class TransferRelighter:
         self._placed = PlacedDirect(self.bake, layer.origins, shadow_rays=shadow_rays)
         self._sky = SkyDirect(self.bake, layer.origins, self._placed)
         self._gloss = PlacedGloss.of(self.bake, layer.name, self._placed)
+        self._caustics = PlacedCaustics(self.bake) if layer.caustics else None
         self._known: OrderedDict[PlacedLight, _Brought] = OrderedDict()
         self._lit: list[tuple[PlacedLight, PlacedLight]] = []  # each light, and itself of colour 1
         self._environment: tuple[Environment, _Brought] | None = None
@@ -98,9 +100,11 @@ class TransferRelighter:
             key for _, key in lit if key not in self._known or self._known[key].rays < rays
         )
         for key in missing:
-            found = self._brought(self._placed.of(key), inside=self._placed.is_inside(key))
-            is_point = isinstance(key, Lamp) and key.radius == 0
-            self._known[key] = found if is_point else replace(found, rays=rays)
+            inside = self._placed.is_inside(key)
+            sent_on = None if inside else self._sent_on(key)
+            found = self._brought(self._placed.of(key), sent_on, inside=inside)
+            is_exact = isinstance(key, Lamp) and key.radius == 0 and sent_on is None
+            self._known[key] = found if is_exact else replace(found, rays=rays)
         sky = self._sky_of(environment)
         new = len(missing) + (sky is not self._environment and sky is not None)
         changed = bool(missing) or lit != self._lit or sky is not self._environment
@@ -120,8 +124,18 @@ class TransferRelighter:
             return self._environment
         return environment, self._brought(self._sky.of(environment))
 
-    def _brought(self, direct: Radiance, *, inside: bool = False) -> _Brought:
-        return _Brought(direct, self._indirect.bounced(direct), inside)
+    def _sent_on(self, light: PlacedLight) -> Radiance | None:
+        """What glass and mirrors make of it."""
+        if self._caustics is None or not self._caustics.is_there:
+            return None
+        return self._caustics.of(light, shadow_rays=self._placed.shadow_rays)
+
+    def _brought(
+        self, direct: Radiance, sent_on: Radiance | None = None, *, inside: bool = False
+    ) -> _Brought:
+        if sent_on is None:
+            return _Brought(direct, self._indirect.bounced(direct), inside)
+        return _Brought(direct, sent_on + self._indirect.bounced(direct + sent_on), inside)
 
     def _forget(self) -> None:
         """Keep what is lit, and a few that were."""
@@ -143,7 +157,7 @@ class TransferRelighter:
 
     @property
     def indirect(self) -> Radiance:
-        """Of ``irradiance``, what has bounced."""
+        """Of ``irradiance``, what has bounced, or what glass and mirrors sent."""
         return self._sum("indirect")
 
     @property

@@ -56,6 +56,8 @@ def cloud_problem(
         return f"layer {name!r} does not say its colours"
     at, shapes = f"layers/{name}", {}
     wanted = _DTYPES | {"codes": CODES[said["codes"]]} | (_PATCHES if patches else _MODES if modes else {})
+    if f"{at}/zone_modes" in arrays and modes:
+        wanted["zone_modes"] = "int32"
     for part, dtype in wanted.items():
         spec = arrays.get(f"{at}/{part}")
         if spec is None or spec.dtype != dtype:
@@ -80,6 +82,8 @@ def _shape_problem(
     if more:
         expected |= {"fluxes": [lights, more], "areas": [vertices]}
         expected |= {"patch_of": [vertices], "sources": [vertices, more], "source_scales": [more]}
+        if "zone_modes" in shapes:
+            expected |= {"source_scales": [-(-vertices // 1024), more], "zone_modes": [zones, 2]}
     for part, shape in expected.items():
         if part in shapes and shapes[part] != shape:
             return f"array {at}/{part} is {shapes[part]}, expected {shape}"

@@ -94,6 +94,9 @@ def _openings_problem(at: str, arrays: Mapping[str, ArraySpec], *, vertices: int
         return f"array {at}/pane_of is not int32, one for each of the corners"
     if origins.dtype != "float32" or origins.shape != [vertices, 3]:
         return f"array {at}/origins is not float32, three for each vertex"
+    beyond = arrays.get(f"{at}/beyond")
+    if beyond is not None and (beyond.dtype != "int32" or beyond.shape != [vertices]):
+        return f"array {at}/beyond is not int32, one for each vertex"
     if glass is not None:
         most = arrays["scene/triangles"].shape[0]
         if glass.dtype != "int32" or len(glass.shape) != 1 or glass.shape[0] >= most:

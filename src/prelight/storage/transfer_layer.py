@@ -53,4 +53,6 @@ def transfer_problem(
     if f"{at}/first/order" not in arrays:
         return f"array {at}/first/order is not there"
     problem = first_problem(f"{at}/first", said, arrays, prefix="")
+    later = {f"first_{number}": said.get(f"later_{number}") for number in ("entries", "threshold", "error")}
+    problem = problem or first_problem(f"{at}/later", later, arrays, prefix="")
     return problem or exitant_problem(f"{at}/glossy", said, arrays)

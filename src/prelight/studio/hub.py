@@ -22,6 +22,8 @@ from .protocol import (
     Compare,
     Hello,
     LookFrom,
+    Mark,
+    Marked,
     Refused,
     Seen,
     ServerMessage,
@@ -290,7 +292,7 @@ class Hub:
         while True:
             try:
                 message = await _received(socket)
-                is_seen = isinstance(message, Seen)
+                is_seen = isinstance(message, Seen | Mark)
             except InputError as error:
                 visitor.tell(Refused("message", str(error)))
                 is_seen, message = False, None
@@ -300,12 +302,14 @@ class Hub:
             if isinstance(message, Seen):
                 visitor.seen(message)
                 self._look_for_room()
+            elif isinstance(message, Mark):
+                visitor.tell(Marked(message.number, self._session.state.sequence))
             elif message is not None:
                 await self._obey(message, visitor)
 
     async def _obey(self, message: ClientMessage, visitor: Visitor) -> None:
         try:
-            if isinstance(message, Hello | Seen):
+            if isinstance(message, Hello | Seen | Mark):
                 raise InputError("Hello", "said already; expected once, as the first message")
             if isinstance(message, SetGlass) and message.glass.portal not in [
                 portal.name for portal in self._shown.portals

@@ -173,6 +173,8 @@ def glass_of(tables: RigTables) -> tuple[PortalGlass, ...]:
             raise InputError(
                 "rig", f"/portal/{n} is for {table.name[:40]!r}: the page needs each portal by its name"
             )
+        if table.rough is not None:
+            raise InputError("rig", f"/portal/{n} has rough, which the page cannot show yet")
         glass = portal_glass(table, _NOWHERE, n)
         found[table.name] = PortalGlass(table.name, glass.kind, glass.tint, glass.frost_deg, glass.blind)  # ty: ignore
     return tuple(found[name] for name in sorted(found))

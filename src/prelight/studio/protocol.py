@@ -44,7 +44,7 @@ from .protocol_values import (
     WorldView,
 )
 
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = 4
 LARGEST_MESSAGE = 65_536  # bytes of text from a page: a whole rig file
 MOST_DISCS, MOST_LAMPS, MOST_LOOKS, MOST_PORTALS = 32, 32, 32, 200
 MOST_KEYS = 64  # of the timeline
@@ -226,11 +226,18 @@ class Seen(Message):
     frame: Whole
 
 
+@dataclass(frozen=True)
+class Mark(Message):
+    """Answer ``Marked`` when every change before this has been carried out or refused."""
+
+    number: Whole
+
+
 Change = (
     SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
     | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
 )  # fmt: skip
-ClientMessage = Hello | Change | Compare | LookFrom | Trace | StopTrace | Seen
+ClientMessage = Hello | Change | Mark | Compare | LookFrom | Trace | StopTrace | Seen
 
 
 # ---- The studio to the page ------------------------------------------------------------------------------------
@@ -309,6 +316,15 @@ class Refused(Message):
 
 
 @dataclass(frozen=True)
+class Marked(Message):
+    """All that a page asked for before its mark of this number is in the state of this ``sequence``, or was refused."""
+
+    redundancy_key: ClassVar[str | None] = "marked"
+    number: int
+    sequence: int
+
+
+@dataclass(frozen=True)
 class Compared(Message):
     """The light of a look, whose frame (``FRAME_ASIDE``) comes next."""
 
@@ -352,4 +368,4 @@ class Pace(Message):
     layers: tuple[LayerPace, ...]
 
 
-ServerMessage = Welcome | State | Refused | Compared | Traced | Waiting | Pace
+ServerMessage = Welcome | State | Refused | Marked | Compared | Traced | Waiting | Pace

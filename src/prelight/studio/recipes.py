@@ -26,7 +26,7 @@ _QUALITY: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "transfer": {
         "draft": ("--gather-rays", "256", "--entries", "128", "--operator-bounces", "1"),
-        "best": ("--gather-rays", "4096", "--entries", "448"),
+        "best": ("--gather-rays", "4096", "--entries", "600"),
     },
     "cloud": {
         "draft": ("--lights", "128", "--gather-rays", "256"),

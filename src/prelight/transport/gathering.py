@@ -17,6 +17,7 @@ from ..arrays import Float32, Int32, Int64, Normals, Positions
 from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
+from .gap_rays import GapRays, Gaps
 from .gathering_kernels import count_entries, fill_entries
 from .hemisphere import BACK, NOTHING, HemisphereRays
 from .hit_colour import HitColour
@@ -94,6 +95,7 @@ class Gathering:
         rays: int = RAYS,
         seed: int = 0,
         memory: int | None = None,
+        gaps: Gaps | None = None,
         report: Report | None = None,
     ) -> Gathering:
         """Trace the operator of a scene.
@@ -112,6 +114,8 @@ class Gathering:
         memory
             Bytes the operator may take, half of the machine's if not given. Tiles of rows beyond it are traced again in
             each product, to the same bytes.
+        gaps
+            Of the scene, if rays of its vertices are to be followed out of them.
         report
             Hears the share done, 0 to 1.
 
@@ -121,6 +125,8 @@ class Gathering:
         origins = vantage_points(scene, occluders) if origins is None else origins
         normals = scene.normals if normals is None else normals
         sent = HemisphereRays(occluders, scene, origins=origins, normals=normals, rays=rays, seed=seed)
+        if gaps is not None:
+            sent = GapRays(occluders, scene, gaps, origins=origins, normals=normals, rays=rays, seed=seed)
         memory = _half_of_memory() if memory is None else memory
         gathering = cls(scene, sent)
         for first in range(0, gathering.rows, gathering._rows_at_once):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -90,6 +91,16 @@ class HemisphereRays:
         """Where the rays of receivers first … first + count end."""
         import drjit as dr
 
+        _, _, d, hit, met = self._sent(first, count)
+        triangle, u, v = self._ends(hit, d, met)
+        dr.eval(triangle, u, v)
+        shape = (count, self.rays)
+        return Hits(*(a.numpy().reshape(shape) for a in (triangle, u, v)))
+
+    def _sent(self, first: int, count: int) -> tuple[Any, Any, Any, Any, Any]:
+        """Receiver, origin and direction of each ray, what it met, and whether it met anything."""
+        import drjit as dr
+
         mi = self._mi
         lane = dr.arange(mi.UInt32, count * self.rays)
         row = lane // self._rays
@@ -100,14 +111,18 @@ class HemisphereRays:
         d = mi.Frame3f(n).to_world(self._directions(receiver, ray))
         sends = dr.squared_norm(n) > 0
         hit = self._scene.ray_intersect_preliminary(mi.Ray3f(origin, d), active=sends)
-        met = sends & hit.is_valid()
+        return receiver, origin, d, hit, sends & hit.is_valid()
+
+    def _ends(self, hit: Any, d: Any, met: Any) -> tuple[Any, Any, Any]:
+        """As ``Hits``, Dr.Jit arrays."""
+        import drjit as dr
+
+        mi = self._mi
         lit = dr.dot(dr.gather(mi.Vector3f, self._lit, hit.prim_index, met), d) < 0
         outcome = dr.select(lit, mi.Int32(hit.prim_index), mi.Int32(BACK))
         triangle = dr.select(met, outcome, mi.Int32(NOTHING))
         u, v = (dr.select(met, w, mi.Float(0)) for w in (hit.prim_uv.x, hit.prim_uv.y))
-        dr.eval(triangle, u, v)
-        shape = (count, self.rays)
-        return Hits(*(a.numpy().reshape(shape) for a in (triangle, u, v)))
+        return triangle, u, v
 
     def _directions(self, receiver, ray):
         """In the frame of the normal, of stratum ``ray`` with its own random numbers."""

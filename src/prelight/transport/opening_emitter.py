@@ -16,6 +16,7 @@ from .cube_emitter import cube_emitter
 
 _BY_OPENING = 0.75  # of the samples
 _FLAT = 1e-6  # cosine
+_BESIDE = 1e-4  # of an opening's size: from nearer to its plane it is not looked for, for it is a line
 
 
 def opening_emitter(mi: ModuleType, cube: CubeMap, openings: Float64[np.ndarray, "openings 3 3"]) -> Any:
@@ -41,8 +42,9 @@ def opening_emitter(mi: ModuleType, cube: CubeMap, openings: Float64[np.ndarray,
             self.sheets = [vectors(values) for values in (corners, first, second)]
 
         def sample_direction(self, it: Any, sample: Any, active: Any = True) -> tuple[Any, Any]:
-            through = sample.x < _BY_OPENING
-            rest = mi.Point2f((sample.x - _BY_OPENING) / (1 - _BY_OPENING), sample.y)
+            share = self._by_opening(it)
+            through = sample.x < share
+            rest = mi.Point2f((sample.x - share) / (1 - share), sample.y)
             rest.x = dr.select(through, 0.5, rest.x)
             ds, _ = plain.sample_direction(self, it, rest, active)
             of = dr.minimum(sample.x, _BY_OPENING) * (count / _BY_OPENING)
@@ -54,6 +56,15 @@ def opening_emitter(mi: ModuleType, cube: CubeMap, openings: Float64[np.ndarray,
             ds.pdf = self.pdf_direction(it, ds, active)
             colour = self._colour(self._lookup(ds.d, active)[0], active)
             return ds, dr.select(ds.pdf > 0, colour / ds.pdf, 0)
+
+        def _by_opening(self, it: Any) -> Any:
+            beside = dr.full(mi.Bool, False, dr.width(it.p))
+            for normal, corner, area in zip(across / areas[:, None], corners, areas, strict=True):
+                height = dr.dot(
+                    mi.Vector3f(it.p) - mi.Vector3f(*corner.tolist()), mi.Vector3f(*normal.tolist())
+                )
+                beside |= dr.abs(height) < float(_BESIDE * area**0.5)
+            return dr.select(beside, 0.0, mi.Float(_BY_OPENING))
 
         def pdf_direction(self, it: Any, ds: Any, active: Any = True) -> Any:
             density, origin = mi.Float(0), mi.Vector3f(it.p)
@@ -69,6 +80,7 @@ def opening_emitter(mi: ModuleType, cube: CubeMap, openings: Float64[np.ndarray,
                 met = (dr.abs(cosine) > _FLAT) & (distance > 0) & (a >= 0) & (a <= 1) & (b >= 0) & (b <= 1)
                 density += dr.select(met, distance * distance / (dr.abs(cosine) * area), 0)
             by_texel = plain.pdf_direction(self, it, ds, active)
-            return _BY_OPENING * density / count + (1 - _BY_OPENING) * by_texel
+            share = self._by_opening(it)
+            return share * density / count + (1 - share) * by_texel
 
     return OpeningEnvironment(mi.Properties())

@@ -13,6 +13,7 @@ Roberts, The unreasonable effectiveness of quasirandom sequences, 2018.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -146,11 +147,19 @@ class PhotonTracer:
         self._place = mi.UInt32(_places(scene))
         self._lit = mi.Vector3f(*(mi.Float(np.ascontiguousarray(x)) for x in lit_sides(scene).T))
         self._rays = occluders.scene
-        self._emit = source.ready(mi, SceneBall.of(scene.positions, occluders.scene), aim)
+        self._aimed = SceneBall.of(scene.positions, occluders.scene), aim
+        self._emit = source.ready(mi, *self._aimed)
         words = np.random.SeedSequence([seed, _STAGE, ways]).generate_state(8)
         self._key = [dr.opaque(mi.UInt32, int(w)) for w in words[:2]]
         self._shift = [dr.opaque(mi.UInt32, int(w)) for w in words[2:7]]
         self._fly = dr.syntax(PhotonTracer._flight)
+
+    def sending(self, source: PhotonSource) -> PhotonTracer:
+        """The same for another source, which takes no time: of what shines and moves."""
+        other = copy(self)
+        other._lights, other._placed = source.lights, source.is_placed
+        other._emit = source.ready(self._mi, *self._aimed)
+        return other
 
     def batch(self, number: int) -> Photons:
         """Photons number · BATCH and on."""

@@ -72,6 +72,8 @@ class PortalRays:
         Whether a ray may leave through more than one pane: it then counts for the last one only.
     alike
         Send the rays of all receivers to the same points: noise that they share falls out of their differences.
+    beyond
+        ``(R,)`` the pane that counts for what receivers outside see of the sky through no glass; −1 of those inside.
     """
 
     def __init__(  # noqa: PLR0913 - most of them are seldom given
@@ -87,11 +89,13 @@ class PortalRays:
         glass: Any,
         layered: bool = False,
         alike: bool = False,
+        beyond: Int32[np.ndarray, "receivers"] | None = None,
     ) -> None:
         if not 1 <= rays <= MOST_RAYS:
             raise InputError("rays", f"{rays} a receiver, expected 1 to {MOST_RAYS:,}")
         self._mi, self._scene = occluders.mi, occluders.scene
         self._glass, self._layered, self._alike = glass, layered, alike
+        self._beyond = np.full(len(origins), -1, np.int32) if beyond is None else beyond
         self._offset = ray_offset(occluders.positions)
         self._positions = origins + np.float32(self._offset) * normals
         self._normals, self.rays, self._seed, self.resolution = normals, rays, seed, resolution
@@ -123,19 +127,22 @@ class PortalRays:
         low, high = panes.boxes[0], panes.boxes[-1]
         apart = np.maximum(0, np.maximum(low[None] - x[:, None], x[:, None] - high[None]))
         near = np.einsum("ijk,ijk->ij", apart, apart) * points < _NEAR * panes.areas
-        return points, np.where((near & (points > 0)).any(axis=1), self.rays, 0).astype(np.int64)
+        near = (near & (points > 0)).any(axis=1) | (self._beyond[first : first + rows] >= 0)
+        return points, np.where(near, self.rays, 0).astype(np.int64)
 
     def trace(self, first: int, rows: int) -> PortalSamples:
         """Send the rays of receivers first … first + rows."""
         points, looks = self.counts(first, rows)
         counts = points.ravel()
         starts = np.concatenate([[0], np.cumsum(counts)])
-        if not starts[-1]:
+        if not starts[-1] and not looks.any():
             return PortalSamples(starts, np.zeros(0, np.int32), np.zeros(0, np.float32), 0)
         pair = np.repeat(np.arange(len(counts), dtype=np.uint32), counts)
         sample = (np.arange(starts[-1]) - starts[:-1].astype(np.int64)[pair]).astype(np.uint32)
         counted = (counts.astype(np.uint32), looks.astype(np.uint32))
-        cell, weight = self._to_points(first, pair, sample, counted)
+        cell, weight = np.zeros(0, np.int32), np.zeros(0, np.float32)
+        if len(pair):
+            cell, weight = self._to_points(first, pair, sample, counted)
         if not looks.any():
             return PortalSamples(starts, cell, weight, len(cell))
         row = np.repeat(np.arange(rows, dtype=np.uint32), looks)
@@ -202,7 +209,7 @@ class PortalRays:
     def _over_hemisphere(
         self, first: int, row_of: np.ndarray, sample_of: np.ndarray, counted: tuple[np.ndarray, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs, cells and weights of cosine-distributed rays that leave through a pane."""
+        """Pairs, cells and weights of cosine-distributed rays that leave through a pane, or past all, outside."""
         import drjit as dr
 
         mi = self._mi
@@ -237,8 +244,11 @@ class PortalRays:
         weight = _weight(
             local.z, dr.abs(dr.dot(normal, d)), way * way, area, (mi.Float(many), mi.Float(looks))
         )
+        own = dr.gather(mi.Int32, mi.Int32(self._beyond), receiver)
+        past = lit & ~found & (own >= 0)
+        pane = dr.select(past, mi.UInt32(own), pane)
         pair, cell = row * dr.opaque(mi.UInt32, self.panes) + pane, self._cell(d)
-        weight = dr.select(found & (weight > 0), weight, 0)
+        weight = dr.select(past, dr.rcp(mi.Float(looks)), dr.select(found & (weight > 0), weight, 0))
         dr.eval(pair, cell, weight)
         kept = np.flatnonzero(weight.numpy())
         return pair.numpy()[kept].astype(np.int64), cell.numpy()[kept].astype(np.int32), weight.numpy()[kept]

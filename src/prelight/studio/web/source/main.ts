@@ -76,7 +76,6 @@ class Page {
   private readonly cameras = new CamerasBar(found("eyes"), this.stage, () => this.walk());
   private readonly corner = new PaceCorner(found("pace"), this.metrics);
   private welcome: Welcome | null = null;
-  private state: State | null = null;
   private unshown: State | null = null;
   private filming: (() => void) | null = null;
 
@@ -140,13 +139,14 @@ class Page {
         break;
       case "State":
         this.shown.note(message);
-        this.state = this.unshown = message;
+        this.unshown = message;
         this.stage.invalidate();
         break;
       case "Refused":
         this.notices.toast(message.reason);
-        this.unshown = null;
-        this.rig.takeBack(this.state);
+        break;
+      case "Marked":
+        this.rig.answered(message);
         break;
       case "Compared":
         this.shown.announce(message);
@@ -194,8 +194,6 @@ class Page {
   }
 
   private async open(welcome: Welcome): Promise<void> {
-    this.rig.visitor = welcome.visitor;
-    this.state = welcome.state;
     const before = this.welcome;
     const isSame = before !== null && identity(before) === identity(welcome);
     if (!isSame) {
@@ -219,7 +217,7 @@ class Page {
     document.documentElement.classList.toggle("picture", welcome.pixels !== null);
     this.welcome = welcome;
     this.unshown = null;
-    this.rig.receive(welcome.state);
+    this.rig.begin(welcome.state);
     this.shown.reset(); // after a lost connection
     if (isSame) return;
     try {
@@ -333,6 +331,9 @@ class Page {
       eye: () => stage.eye.camera.position.toArray(),
       pick: (x: number, y: number) => stage.pick(x, y)?.point.toArray() ?? null,
       look: () => rig.look,
+      settled: () =>
+        metrics.ready && !rig.isWaiting && metrics.shownExact && metrics.shownSequence >= rig.sequence &&
+        metrics.lastSequence === metrics.shownSequence && metrics.sky === rig.look.environment,
       change: (values: object, dragging: boolean) => rig.change(values, { dragging }),
     };
     Object.defineProperty(window, "__prelight", { value: shown });

@@ -1,6 +1,6 @@
 // Written by prelight.studio.typescript from protocol.py: change that and write this anew.
 
-export const PROTOCOL_VERSION = 3;
+export const PROTOCOL_VERSION = 4;
 export const MOST_DISCS = 32;
 export const MOST_LAMPS = 32;
 export const MOST_LOOKS = 32;
@@ -238,6 +238,12 @@ export interface OpenRig {
   text: string;
 }
 
+/** Answer ``Marked`` when every change before this has been carried out or refused. */
+export interface Mark {
+  type: "Mark";
+  number: number;
+}
+
 /** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. Null: the light before the last step that can be undone. */
 export interface Compare {
   type: "Compare";
@@ -274,7 +280,7 @@ export interface Seen {
 
 export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
 
-export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Compare | LookFrom | Trace | StopTrace | Seen;
+export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Mark | Compare | LookFrom | Trace | StopTrace | Seen;
 
 /** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is. */
 export interface Welcome {
@@ -331,6 +337,13 @@ export interface Refused {
   reason: string;
 }
 
+/** All that a page asked for before its mark of this number is in the state of this ``sequence``, or was refused. */
+export interface Marked {
+  type: "Marked";
+  number: number;
+  sequence: number;
+}
+
 /** The light of a look, whose frame (``FRAME_ASIDE``) comes next. */
 export interface Compared {
   type: "Compared";
@@ -365,4 +378,4 @@ export interface Pace {
   layers: LayerPace[];
 }
 
-export type ServerMessage = Welcome | State | Refused | Compared | Traced | Waiting | Pace;
+export type ServerMessage = Welcome | State | Refused | Marked | Compared | Traced | Waiting | Pace;

@@ -1,9 +1,8 @@
 // The rig as this page shows it: what the studio said last, and what is being changed here before it answers.
 
-import type { Change, DiscLight, LampLight, LookKey, PortalGlass, SetEnvironment, State, Sun } from "./messages";
+import { Edits, applied } from "./edits";
+import type { Change, DiscLight, LampLight, LookKey, Mark, Marked, PortalGlass, SetEnvironment, State, Sun } from "./messages";
 import { Outbox } from "./outbox";
-
-const ANSWERED_MS = 600; // after a change of ours, the studio's echo of older ones is left alone for this long
 
 export type Look = Omit<State, "type" | "sequence" | "author">;
 export type EnvironmentChange = Pick<SetEnvironment, "environment" | "rotation_deg" | "scale" | "tint">;
@@ -30,15 +29,19 @@ export function skyId({ environment, sun }: Pick<Look, "environment" | "sun">): 
 export class Rig {
   look: Look = DARK;
   sequence = -1;
-  visitor = -1;
   private readonly listeners: ((look: Look) => void)[] = [];
   private readonly outbox: Outbox;
-  private held: State | null = null;
-  private quietAt = 0;
-  private timer = 0;
+  private edits = new Edits();
+  private told: State | null = null;
+  private marked: Marked | null = null;
 
-  constructor(send: (change: Change) => void) {
-    this.outbox = new Outbox(send);
+  constructor(send: (message: Change | Mark) => void) {
+    this.outbox = new Outbox(send, () => this.edits.sent());
+  }
+
+  /** Whether something that was changed here has not come back yet. */
+  get isWaiting(): boolean {
+    return this.edits.isWaiting;
   }
 
   /** Call now with the look, and whenever it changes. */
@@ -47,103 +50,82 @@ export class Rig {
     listener(this.look);
   }
 
-  /** The studio's word. Echoes of our own drag would pull at the slider: they wait until it rests. */
+  /** A new connection: what was on its way is lost, and the studio's word is all there is. */
+  begin(state: State): void {
+    this.edits = new Edits();
+    this.marked = null;
+    this.receive(state);
+  }
+
+  /** The studio's word, under what is being changed here and has not reached it yet. */
   receive(state: State): void {
     this.sequence = state.sequence;
-    const wait = this.quietAt - performance.now();
-    if (wait > 0 && state.author === this.visitor) {
-      this.held = state;
-      this.releaseIn(wait);
-      return;
+    this.told = state;
+    if (this.marked !== null && state.sequence >= this.marked.sequence) {
+      this.edits.answered(this.marked);
+      this.marked = null;
     }
-    this.held = null;
     this.show(state);
   }
 
-  /** A refused change: go back to the studio's word at once. */
-  takeBack(state: State | null): void {
-    this.quietAt = 0;
-    const last = this.held ?? state;
-    this.held = null;
-    if (last !== null) this.show(last);
+  /** The studio has all that was sent before a mark, or refused it: its word counts from that state on. */
+  answered(marked: Marked): void {
+    this.marked = marked;
+    if (this.told !== null && this.sequence >= marked.sequence) this.receive(this.told);
   }
 
   change(values: EnvironmentChange, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetEnvironment", ...values, dragging });
-    const isOther = values.environment !== undefined && values.environment !== this.look.environment;
-    const stops = isOther ? null : this.look.stops; // of another map they are not known here
-    this.changed({ ...this.look, ...(values as Partial<Look>), stops });
+    this.put({ type: "SetEnvironment", ...values, dragging });
   }
 
   putDisc(disc: DiscLight, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetDisc", ...disc, dragging });
-    const isNew = !this.look.discs.some((other) => other.id === disc.id);
-    const others = this.look.discs.map((other) => (other.id === disc.id ? disc : other));
-    this.changed({ ...this.look, discs: isNew ? [...others, disc] : others });
+    this.put({ type: "SetDisc", ...disc, dragging });
   }
 
   removeDisc(id: string): void {
-    this.outbox.put({ type: "RemoveDisc", id });
-    this.changed({ ...this.look, discs: this.look.discs.filter((disc) => disc.id !== id) });
+    this.put({ type: "RemoveDisc", id });
   }
 
   setSun(sun: Sun, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetSun", sun, dragging });
-    const isNew = this.look.environment !== DAYLIGHT;
-    const first = isNew ? { environment: DAYLIGHT, tint: [1, 1, 1] as [number, number, number], stops: null } : {};
-    this.changed({ ...this.look, ...first, sun });
+    this.put({ type: "SetSun", sun, dragging });
   }
 
   putLamp(lamp: LampLight, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetLamp", lamp, dragging });
-    const isNew = !this.look.lamps.some(({ id }) => id === lamp.id);
-    const others = this.look.lamps.map((other) => (other.id === lamp.id ? lamp : other));
-    this.changed({ ...this.look, lamps: isNew ? [...others, lamp] : others });
+    this.put({ type: "SetLamp", lamp, dragging });
   }
 
   removeLamp(id: string): void {
-    this.outbox.put({ type: "RemoveLamp", id });
-    this.changed({ ...this.look, lamps: this.look.lamps.filter((lamp) => lamp.id !== id) });
+    this.put({ type: "RemoveLamp", id });
   }
 
   putGlass(glass: PortalGlass, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetGlass", glass, dragging });
-    const others = this.look.glass.filter(({ portal }) => portal !== glass.portal);
-    this.changed({ ...this.look, glass: [...others, glass] });
+    this.put({ type: "SetGlass", glass, dragging });
   }
 
   setWorld(world: string | null, seconds: number, { dragging = false } = {}): void {
-    this.outbox.put({ type: "SetWorld", world, seconds, dragging });
-    this.changed({ ...this.look, world, seconds });
+    this.put({ type: "SetWorld", world, seconds, dragging });
   }
 
   setTimeline(keys: LookKey[]): void {
-    this.outbox.put({ type: "SetTimeline", keys });
-    this.changed({ ...this.look, timeline: keys });
+    this.put({ type: "SetTimeline", keys });
   }
 
-  /** What only the studio can carry out: undo, looks, rig files. Its answer is shown at once. */
+  /** What only the studio can carry out: undo, looks, rig files. */
   ask(change: Change): void {
     this.outbox.put(change);
-    this.quietAt = 0;
   }
 
-  private changed(look: Look): void {
-    this.quietAt = performance.now() + ANSWERED_MS;
-    this.releaseIn(ANSWERED_MS);
-    this.tell(look);
-  }
-
-  private releaseIn(milliseconds: number): void {
-    window.clearTimeout(this.timer);
-    this.timer = window.setTimeout(() => {
-      if (this.held !== null) this.receive(this.held);
-    }, milliseconds + 1);
+  /** A change that is seen here at once. */
+  private put(change: Change): void {
+    this.edits.note(change);
+    this.outbox.put(change);
+    this.tell(applied(this.look, change));
   }
 
   private show(state: State): void {
     const { type: _type, sequence: _sequence, author: _author, ...look } = state;
-    this.tell(look);
+    const seen = this.edits.over(look);
+    if (JSON.stringify(seen) !== JSON.stringify(this.look)) this.tell(seen); // the echo of a drag changes nothing here
   }
 
   private tell(look: Look): void {

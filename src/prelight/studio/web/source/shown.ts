@@ -63,6 +63,7 @@ export class Shown {
   /** Another bake. */
   open(welcome: Welcome): void {
     this.looks.stop();
+    this.looks.shines(welcome.glossy);
     this.tracer.allow(welcome.no_tracer);
     this.dropTraced();
   }

@@ -8,6 +8,7 @@ import { amount, button, choice, element, section, slider, stops } from "./eleme
 type ToneCurve = Exclude<Curve, "none">;
 
 const RANGE = 8; // stops to either side
+const INDOORS = -1.2; // stops from what the meter says of a room: it would let windows and lamps burn out
 
 const prefersLight = matchMedia("(prefers-color-scheme: light)");
 const BACKDROPS = { light: [0.3, 0.62], dark: [0.012, 0.05] } as const; // linear greys, below and above
@@ -79,7 +80,9 @@ export class PicturePanel {
   lit(): void {
     if (!this.waitsForLight) return;
     this.waitsForLight = false;
-    if (!this.byHand) this.meter();
+    if (this.byHand) return;
+    const metered = this.stage.meter();
+    if (metered !== null) this.expose(metered + INDOORS);
   }
 
   /** Another environment: take the exposure that suits it, when that is known, unless one was set by hand. */
