@@ -365,6 +365,7 @@ def test_the_paper_s_cloud_alone_is_smaller_and_lights_too(tmp_path, lit, truth)
         ("sources", lambda v: v.view(np.uint8)),
         ("source_scales", lambda v: v * np.float32(np.nan)),
         ("source_scales", lambda v: v[:, 1:]),
+        ("source_order", lambda v: np.r_[v[1], v[1:]]),
         ("zone_modes", lambda v: v + 1),
         ("zone_modes", lambda v: -v),
         ("zone_modes", lambda v: v[1:]),

@@ -105,12 +105,16 @@ def test_modes_of_a_zone_are_those_of_its_regions():
             assert which.stop - which.start == 3 * len(set(region_of[part]))
 
 
-def test_sources_are_bytes_per_area():
+def test_sources_are_fine_enough_for_light_on_a_single_vertex():
     chance = np.random.default_rng(2)
     values, light = chance.normal(size=(40, 3)).astype(np.float32), chance.random((40, 2)).astype(np.float32)
     found = Sources.of(values, AREAS, np.random.default_rng(5).permutation(40)).brought(light)
     expected = light.T.astype(np.float64) @ (values * AREAS[:, None])
-    np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(values).max() * AREAS.sum() / 10)
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)
+    dim = values * np.float32([1, 1e-2, 1]) ** np.arange(3)
+    alone = np.eye(40, 1, -7, dtype=np.float32)
+    found = Sources.of(dim, AREAS, np.arange(40)).brought(alone)
+    np.testing.assert_allclose(found[0], AREAS[7] * dim[7], rtol=2e-3)
 
 
 def test_what_lamps_ask_of_columns_is_turned_back_exactly():

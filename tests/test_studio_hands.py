@@ -260,7 +260,7 @@ def test_100_000_vertices_arrive_without_a_queue(browser):
     once = studio.frame()
     studio.frame = lambda: once[:4] + np.uint32(len(studio.received)).tobytes() + once[8:]
     with serving(studio), visiting(browser, studio.url) as visit:
-        visit.settled()
+        visit.until("!!window.__prelight && __prelight.metrics.ready")
         began = visit.metric("updates")
         visit.until("__prelight.metrics.updates", lambda count: count > began + 60, seconds=30)
         most = visit.page.evaluate(MOST_IN_A_SECOND)

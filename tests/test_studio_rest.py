@@ -150,7 +150,9 @@ def test_the_path_tracer_sees_what_the_page_shows(visit):
     visit.until("__prelight.metrics.traced", seconds=60)
     page.locator("p.told", has_text="samples a pixel in").wait_for()
     visit.until(
-        "Number(document.querySelector('p.told').textContent.split(' ')[0])", lambda n: n >= 24, seconds=60
+        "Number(document.querySelector('p[role=status]').textContent.split(' ')[0])",
+        lambda n: n >= 24,
+        seconds=60,
     )
     page.get_by_role("button", name="Stop", exact=True).evaluate("button => button.click()")
     page.get_by_text("stopped").wait_for(state="attached")

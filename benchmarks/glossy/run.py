@@ -26,7 +26,9 @@ def main() -> None:
     parser.add_argument("--order", type=int, default=8, help="of the harmonics")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of the clusters")
     parser.add_argument("--resolution", type=int, default=64, help="R of the environment")
-    parser.add_argument("--foot", type=float, default=0.0, help="longest edges beneath the vase, metres; 0: its own")
+    parser.add_argument(
+        "--foot", type=float, default=0.0, help="longest edges beneath the vase, metres; 0: its own"
+    )
     options = parser.parse_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)

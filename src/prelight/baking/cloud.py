@@ -178,8 +178,12 @@ class _Making:
             "origins": plan.ground.origins,
         }
         if (sources := columns.sources) is not None:
-            arrays |= {"sources": sources.rows, "source_scales": sources.scales, "areas": sources.areas}
-            arrays["zone_modes"] = zone_modes(zones)
+            arrays |= {
+                "sources": sources.rows.view(np.uint16),
+                "source_scales": sources.scales,
+                "areas": sources.areas,
+            }
+            arrays |= {"zone_modes": zone_modes(zones), "source_order": sources.order}
         for name, values in arrays.items():
             written.write(f"{_AT}/{name}", values)
         clusters = arrays["clusters"]

@@ -13,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32
+from ..encoding.modes import BLOCK
 from ..storage.chunks import ArraySpec, ChunkRecord, chunk_key, open_chunk
 from ..storage.journal import BakeWriter
 from ..transport.bounces import bounced
@@ -201,7 +202,7 @@ class CloudColumns:
         if not self.modes:
             return None
         values = np.concatenate(self._open("modes", "sources"), axis=1)
-        return Sources.of(values, self.areas, np.concatenate(self.zones))
+        return Sources.of(values, self.areas, np.concatenate(zones_of(self.scene.positions, BLOCK)))
 
     @cached_property
     def brought(self) -> Float32[np.ndarray, "lights modes"] | None:

@@ -114,11 +114,11 @@ def products(
 
 @dataclass(frozen=True)
 class Sources:
-    """How much light on a vertex brings of each mode, a byte each.
+    """How much light on a vertex brings of each mode, 16 bits each.
 
-    ``rows`` (V, modes) of the vertices in ``order``, times ``scales`` (blocks, modes) of each thousand of them: for
-    irradiance / π of 1 on 1 m² around the vertex. What is far from a mode's region brings little of it, so one scale
-    for all would lose it. ``areas`` (V,) m², of the vertices themselves.
+    ``rows`` (V, modes) of the vertices in ``order``, times ``scales`` (blocks, modes) of each 64 of them: for
+    irradiance / π of 1 on 1 m² around the vertex. ``areas`` (V,) m², of the vertices themselves. Bytes do not do: a
+    lamp beside a wall lights few vertices, so what is rounded off does not even out.
     """
 
     rows: np.ndarray

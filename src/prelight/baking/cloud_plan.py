@@ -138,7 +138,7 @@ def plan_cloud(scene: Scene, settings: CloudSettings) -> CloudPlan:
     clusters *= max(1, V // settings.zone)
     bases = clusters * (settings.coefficients + 1) * kept * 2
     per_value = 1 if settings.codes == "bytes" else 2
-    on_disk = bases + V * (colours * settings.coefficients * per_value + settings.modes + 24)
+    on_disk = bases + V * (colours * settings.coefficients * per_value + 2.1 * settings.modes + 24)
     return CloudPlan(
         settings=settings,
         scene=scene,

@@ -13,7 +13,8 @@ from .sparse_tiles import GROUP, groups_of
 
 MOST_MODES = 256
 _LEVELS = 127
-BLOCK = 1024  # vertices that share scales of their own
+_FINE_LEVELS = 32767
+BLOCK = 64  # neighbouring vertices that share scales of their own
 
 
 def in_bytes(
@@ -28,9 +29,14 @@ def in_bytes(
 def in_blocks(
     values: Float32[np.ndarray, "rows modes"], order: Int32[np.ndarray, "rows"]
 ) -> tuple[np.ndarray, Float32[np.ndarray, "blocks modes"]]:
-    """Signed bytes of the rows in ``order``, and scales for each thousand of them."""
-    parts = [in_bytes(values[order[first : first + BLOCK]]) for first in range(0, len(order), BLOCK)]
-    return np.concatenate([rows for rows, _ in parts]), np.stack([scales for _, scales in parts])
+    """Signed 16-bit numbers of the rows in ``order``, and scales for each 64 of them."""
+    rows, scales = [], []
+    for first in range(0, len(order), BLOCK):
+        own = values[order[first : first + BLOCK]]
+        scale = (np.abs(own).max(axis=0) / _FINE_LEVELS).astype(np.float32)
+        rows.append(np.rint(np.divide(own, scale, out=np.zeros_like(own), where=scale > 0)).astype(np.int16))
+        scales.append(scale)
+    return np.concatenate(rows), np.stack(scales)
 
 
 def grouped(rows: np.ndarray) -> np.ndarray:

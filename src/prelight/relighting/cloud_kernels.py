@@ -5,6 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange, types
 
+from ..encoding.modes import BLOCK
+
+STRIP = 1024  # vertices of one thread
+_BLOCK = BLOCK
+
 f4, i4, i8 = types.float32, types.int32, types.int64
 _list = types.Array(f4, 1, "C", readonly=True)
 _places = types.Array(i8, 2, "C", readonly=True)
@@ -77,3 +82,34 @@ def cloud_light(places, bases, codes, scales, weights, is_grey, order, out):
     """
     for k in prange(len(places)):
         _cluster(k, places, bases, codes, scales, weights, is_grey, order, out)
+
+
+@njit(cache=True)
+def _strip(sources, scales, light, out, first, last):
+    for c in range(light.shape[1]):
+        for begin in range(first, last, _BLOCK):
+            sums, is_lit = np.zeros(sources.shape[1], np.float32), False
+            for v in range(begin, min(last, begin + _BLOCK)):
+                share = light[v, c]
+                if share != 0:
+                    is_lit, row = True, sources[v]
+                    for k in range(len(row)):
+                        sums[k] += share * np.float32(row[k])
+            if is_lit:
+                of_block = scales[begin // _BLOCK]
+                for k in range(len(sums)):
+                    out[c, k] += sums[k] * of_block[k]
+
+
+@njit(
+    [types.void(types.Array(types.int16, 2, "C", readonly=True), _weights, _weights, f4[:, :, ::1])],
+    parallel=True,
+    cache=True,
+)
+def brought_of_modes(sources, scales, light, out):
+    """out (strips, channels, modes) += of each thousand vertices Σ light[v, c] · sources[v] · scales[block of v].
+
+    sources (V, modes), scales of each 64 of them, light (V, channels): irradiance / π times area.
+    """
+    for strip in prange(len(out)):
+        _strip(sources, scales, light, out[strip], strip * STRIP, min(len(light), (strip + 1) * STRIP))

@@ -18,7 +18,7 @@ from ..encoding.light_fit import (
 )
 from ..lighting.placed_lights import Lamp, PlacedLight
 from ..rays.segments import PlainSegments
-from .bounced_kernels import blocks_of, project
+from .cloud_kernels import STRIP, brought_of_modes
 from .stored_cloud import CloudLayer
 
 _FEW = 6  # of the nearest lights that must be seen; else all are looked at
@@ -81,14 +81,12 @@ class CloudWeights:
         if layer.sources is None or layer.source_scales is None:
             assert layer.patch_of is not None
             return np.stack([patch_flux(d, areas, layer.patch_of, layer.extras) for d in direct.T[:count]])
-        light = direct * areas[:, None]
+        light = direct[:, :count] * areas[:, None]
         if layer.source_order is not None:
             light = light[layer.source_order]
-        if is_grey:
-            light[:, 1:] = 0
-        found = np.empty((blocks_of(len(light)), 3, layer.extras), np.float32)
-        project(layer.sources[None], light, found)
-        return np.einsum("bck,bk->ck", found[:, :count], layer.source_scales, dtype=np.float64)
+        found = np.zeros((-(-len(light) // STRIP), count, layer.extras), np.float32)
+        brought_of_modes(layer.sources, layer.source_scales, np.ascontiguousarray(light), found)
+        return found.sum(axis=0, dtype=np.float64)
 
     def _seen(self, place: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         """Neighbours that the lamp sees, how far they are, and their part of the paper's kernel."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Float32, Float64, Int32, Int64, Positions
+from ..encoding.modes import BLOCK
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
-from .bounced_kernels import blocks_of
 
 KIND = "cloud"
 _LARGEST = 1e12
@@ -34,8 +34,8 @@ class CloudLayer:
     fluxes, areas
         ``(S, extras)``: how much of each mode (or patch) lights bring; ``(V,)`` m²; None without.
     sources, source_scales
-        ``(V, extras)`` bytes: how much of each mode light at a vertex brings, in ``source_order`` if that is not None;
-        ``(blocks, extras)`` for each thousand of them. None with patches.
+        ``(V, extras)`` 16 bits each: how much of each mode light at a vertex brings, in ``source_order`` if not None;
+        ``(blocks, extras)`` for each 64 of them. None with patches.
     patch_of
         ``(V,)`` in bakes with patches.
     places, bases, codes, scales, order
@@ -148,9 +148,7 @@ class _Reading:
         lights = self.numbers("lights").astype(np.float64)
         if not (lights[:, 3] >= 1).all():
             raise self.wrong("lights stand for none of the grid")
-        order = self.indices("order", V)
-        if not (np.bincount(order, minlength=V) == 1).all():
-            raise self.wrong("order has not every vertex once")
+        order = self.vertices_once("order", V)
         groups = bake.array(f"{self.at}/group_of").astype(np.int64)
         sizes = groups.max(axis=1) + 1
         if not all(len(np.unique(of)) == size for of, size in zip(groups, sizes, strict=True)):
@@ -175,8 +173,8 @@ class _Reading:
             lights[:, 3].copy(), groups + starts[:, None],
             np.stack([firsts, counts], axis=1), int(widths.sum()), fluxes,
             self.numbers("areas") if has_extras else None,
-            bake.array(f"{self.at}/sources") if modes else None,
-            *self._sources_scaled(order, zone_rows) if modes else (None, None),
+            self._sources() if modes else None,
+            *self._sources_scaled(V) if modes else (None, None),
             self.indices("patch_of", patches) if patches else None, places, bases, codes, scales, order,
             self.numbers("grid").astype(np.float64), self.indices("kept_of", len(lights)), zone_rows, *corners,
         )  # fmt: skip
@@ -190,15 +188,26 @@ class _Reading:
             raise self.wrong("zone_modes names what does not exist")
         return firsts, counts
 
+    def _sources(self) -> np.ndarray:
+        """16 bits each; bakes with one scale for all vertices have bytes."""
+        values = self.bake.array(f"{self.at}/sources")
+        return values.view(np.int16) if values.dtype == np.uint16 else values.astype(np.int16)
+
     def _sources_scaled(
-        self, order: np.ndarray, zone_rows: np.ndarray
+        self, vertices: int
     ) -> tuple[Float32[np.ndarray, "blocks extras"], Int32[np.ndarray, "vertices"] | None]:
         """Scales of the sources by blocks, and the order they are in: that of the vertices in bakes with one scale."""
         scales = self.numbers("source_scales")
         if scales.ndim == 1:
-            return np.broadcast_to(scales, (blocks_of(len(order)), len(scales))), None
-        zones = np.split(order, np.cumsum(zone_rows)[:-1])
-        return scales, np.concatenate([np.sort(zone) for zone in zones])
+            blocks = -(-vertices // BLOCK)
+            return np.ascontiguousarray(np.broadcast_to(scales, (blocks, len(scales)))), None
+        return scales, self.vertices_once("source_order", vertices)
+
+    def vertices_once(self, part: str, vertices: int) -> Int32[np.ndarray, "vertices"]:
+        order = self.indices(part, vertices)
+        if not (np.bincount(order, minlength=vertices) == 1).all():
+            raise self.wrong(f"{part} has not every vertex once")
+        return order
 
     def _places(
         self, starts: np.ndarray, widths: np.ndarray, vertices: int

@@ -98,7 +98,9 @@ class TracedLights:
             seen[light] = self._share(toward, points, normals)
         return _as_falls(lights, seen)
 
-    def _share(self, toward: Directions, points: Positions, normals: Normals) -> Float32[np.ndarray, "points"]:
+    def _share(
+        self, toward: Directions, points: Positions, normals: Normals
+    ) -> Float32[np.ndarray, "points"]:
         """Of side × side directions, what points see: five of them say whether all others are asked."""
         parts, side = len(toward), math.isqrt(len(toward))
         first = np.unique([0, side - 1, parts // 2 + side // 2 * (1 - side % 2), parts - side, parts - 1])
@@ -108,11 +110,11 @@ class TracedLights:
             share[mixed] = self._free(toward, points[mixed], normals[mixed])
         return share
 
-    def _free(
-        self, toward: Directions, points: Positions, normals: Normals
-    ) -> Float32[np.ndarray, "points"]:
+    def _free(self, toward: Directions, points: Positions, normals: Normals) -> Float32[np.ndarray, "points"]:
         bits, _ = PlainVisibility(self._occluders, origins=points, normals=normals).trace(toward)
-        return np.unpackbits(bits, axis=1, count=len(points), bitorder="little").mean(axis=0, dtype=np.float32)
+        return np.unpackbits(bits, axis=1, count=len(points), bitorder="little").mean(
+            axis=0, dtype=np.float32
+        )
 
     def irradiance_at(self, lights: StrongLights, points: Positions, normals: Normals) -> Radiance:
         """(n, 3) irradiance / π of the lights at points of surfaces."""

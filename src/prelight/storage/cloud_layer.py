@@ -57,7 +57,7 @@ def cloud_problem(
     at, shapes = f"layers/{name}", {}
     wanted = _DTYPES | {"codes": CODES[said["codes"]]} | (_PATCHES if patches else _MODES if modes else {})
     if f"{at}/zone_modes" in arrays and modes:
-        wanted["zone_modes"] = "int32"
+        wanted |= {"zone_modes": "int32", "source_order": "int32", "sources": "uint16"}
     for part, dtype in wanted.items():
         spec = arrays.get(f"{at}/{part}")
         if spec is None or spec.dtype != dtype:
@@ -83,7 +83,12 @@ def _shape_problem(
         expected |= {"fluxes": [lights, more], "areas": [vertices]}
         expected |= {"patch_of": [vertices], "sources": [vertices, more], "source_scales": [more]}
         if "zone_modes" in shapes:
-            expected |= {"source_scales": [-(-vertices // 1024), more], "zone_modes": [zones, 2]}
+            blocks = -(-vertices // 64)
+            expected |= {
+                "source_scales": [blocks, more],
+                "source_order": [vertices],
+                "zone_modes": [zones, 2],
+            }
     for part, shape in expected.items():
         if part in shapes and shapes[part] != shape:
             return f"array {at}/{part} is {shapes[part]}, expected {shape}"

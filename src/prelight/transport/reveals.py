@@ -15,8 +15,7 @@ from ..rays.mitsuba import Occluders
 from ..rays.offset import ray_offset
 from ..scene.portals import Portals
 
-_SIDES, _LOOKS = 64, 64  # rays to either side of a triangle of glass, and over a receiver's hemisphere
-_LEAST = 2  # of those that must meet glass from outside
+_SIDES, _LOOKS = 64, 256  # rays to either side of a triangle of glass, and over a receiver's hemisphere
 _TURN, _APART = 0.5, 0.25  # of normals, and metres between planes that are taken for one
 _CLEAR = 8.0  # offsets that glass is away, at least: what lies in its plane is inside
 _STAGE = 73
@@ -27,6 +26,8 @@ def beyond_glass(
     occluders: Occluders, portals: Portals, glass: Any, *, origins: Positions, normals: Normals
 ) -> Int32[np.ndarray, "receivers"]:
     """The pane that receivers look at from outside, of several the one they see most of; −1 where there is none.
+
+    Outside is who sees a pane's outer side and, past all glass, the sky.
 
     Parameters
     ----------
@@ -53,8 +54,11 @@ def beyond_glass(
         seen = seen[before > distance[seen]]
         pair = seen // _LOOKS * panes + portals.pane_of[triangle[seen]]
         counts = np.bincount(pair, minlength=len(some) * panes).reshape(len(some), panes)
-        enough = counts.sum(axis=1) >= _LEAST
-        out[some[enough]] = counts[enough].argmax(axis=1)
+        may = counts.any(axis=1)
+        past = np.flatnonzero(np.repeat(may, _LOOKS) & (triangle < 0))
+        met, _ = _met(occluders.mi, occluders.scene, start[past], d[past])
+        may &= np.bincount(past[met < 0] // _LOOKS, minlength=len(some)) > 0
+        out[some[may]] = counts[may].argmax(axis=1)
     return out
 
 
