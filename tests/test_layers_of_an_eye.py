@@ -93,9 +93,9 @@ def test_films_and_days_of_pixels(folder, tmp_path):
     rig.write_text('[environment]\nmap = "stock:noon"\n')
     assert run(["relight", bake, str(rig), "-o", str(tmp_path / "still.npy")]) == 0
     assert np.load(tmp_path / "still.npy").shape == (W * H, 3)
-    day = "--day 2026-06-21 --place 43.7,15.9 --steps 2".split()
+    day = ["--day", "2026-06-21", "--place", "43.7,15.9", "--steps", "2"]
     assert run(["relight", bake, str(rig), *day, "-o", str(tmp_path / "day_{frame}.exr")]) == 0
-    moving = "--seconds 1 --fps 2".split()
+    moving = ["--seconds", "1", "--fps", "2"]
     assert run(["animate", bake, str(rig), *moving, "-o", str(tmp_path / "frame_{frame}.exr")]) == 0
     assert sorted(path.stem for path in tmp_path.glob("*.exr")) == [
         *(f"day_{n:04}" for n in range(2)), *(f"frame_{n:04}" for n in range(3))

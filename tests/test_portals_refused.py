@@ -56,7 +56,7 @@ def polygon(path: Path, *corners: tuple) -> PortalWish:
 
 
 def test_a_portal_in_a_solid_wall_or_outside_is_refused(tmp_path) -> None:
-    X, Y, Z = SIZE
+    X, Y, _ = SIZE
     closed = ((1, 1, 1), (2, 1, 1), (2, 2, 1), (1, 2, 1))
     room = two_windows()
     # Its windows are walled up.
@@ -69,7 +69,7 @@ def test_a_portal_in_a_solid_wall_or_outside_is_refused(tmp_path) -> None:
 
 
 def test_a_polygon_is_as_good_as_glass(tmp_path) -> None:
-    X, Y, Z = SIZE
+    X, Y, _ = SIZE
     scene = under_glass(albedo=0.5)
     glass = portals_of(scene, tmp_path / "a.prelight")
     open_ = PortalsRoom(scene, PortalsSettings()).open

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -59,7 +60,8 @@ def measure_parts(
         if path.exists() and not wanted:
             continue
         what = _said_of(parts[name])
-        print(f"== {name}: {what.splitlines()[0] if what else ''}", flush=True)
+        sys.stdout.write(f"== {name}: {what.splitlines()[0] if what else ''}\n")
+        sys.stdout.flush()
         started = time.perf_counter()
         figures = call(parts[name])
         report = {
@@ -70,7 +72,8 @@ def measure_parts(
             "figures": figures,
         }
         text = json.dumps(report, indent=1, ensure_ascii=False, default=float)
-        print(text, flush=True)
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
         if keep and "skipped" not in figures:
             results.mkdir(parents=True, exist_ok=True)
             path.write_text(text + "\n")

@@ -37,7 +37,7 @@ class PlainSegments:
         """(n,) bool: whether some surface is within ``reach`` metres, as far as rays all around tell."""
         ends = points[:, None] + reach * even_directions(_LOOKS)
         free = self.are_free(np.repeat(points, _LOOKS, axis=0), ends.reshape(-1, 3))
-        return ~free.reshape(-1, _LOOKS).all(axis=1)
+        return ~np.all(free.reshape(-1, _LOOKS), axis=1)
 
     def shares_of_backs(self, points: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
         """Of rays from each point in all directions that meet something, how many meet its unlit side.
