@@ -47,12 +47,16 @@ class DirectToIndirect:
         first = sum(operator.bytes for operator in (self.first, self.later) if operator is not None)
         return self.modes.nbytes + first + (0 if self.sources is None else self.sources.nbytes)
 
-    def bounced(self, direct: np.ndarray) -> Radiance:
-        """(vertices, 3) of direct light (vertices, 3): as many bounces by the operator as it takes, then the modes."""
+    def bounced(self, direct: np.ndarray, *, coarse: bool = False) -> Radiance:
+        """(vertices, 3) of direct light (vertices, 3): as many bounces by the operator as it takes, then the modes.
+
+        ``coarse``: one bounce by the operator, where modes follow; half of the time.
+        """
         if self.first is None:
             return self.by_modes(direct)
         total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
-        for n in range(self.by_itself if self.most is None else self.most):
+        many = min(self.by_itself, 1 if coarse else self.by_itself)
+        for n in range(many if self.most is None else self.most):
             operator = self.later if n and self.later is not None else self.first
             light = operator.bounce(light)
             total += light

@@ -41,6 +41,7 @@ class _Brought:
     indirect: Radiance
     inside: bool  # a solid
     rays: float = math.inf  # to it, from each vertex
+    coarse: bool = False
 
 
 class TransferRelighter:
@@ -54,6 +55,12 @@ class TransferRelighter:
         Of its transfer layer; the first if not given.
     shadow_rays
         From each vertex to each light that is not a point; 16 for what moves, more for a still picture.
+
+    Attributes
+    ----------
+    coarse
+        Leave what bounces more than once to the modes, in half of the time: for a light while it moves. Lights that
+        were made so are made anew when this is False again.
 
     Raises
     ------
@@ -77,6 +84,7 @@ class TransferRelighter:
         self._lit: list[tuple[PlacedLight, PlacedLight]] = []  # each light, and itself of colour 1
         self._environment: tuple[Environment, _Brought] | None = None
         self.last = Update("none", 0.0, 0, 0)
+        self.coarse = False
 
     @property
     def shadow_rays(self) -> int:
@@ -97,7 +105,7 @@ class TransferRelighter:
         lit = [(light, white(light)) for light in lights if max(light.colour) > 0]
         rays = self._placed.shadow_rays
         missing = dict.fromkeys(
-            key for _, key in lit if key not in self._known or self._known[key].rays < rays
+            key for _, key in lit if key not in self._known or not self._is_enough(self._known[key], rays)
         )
         for key in missing:
             inside = self._placed.is_inside(key)
@@ -120,8 +128,9 @@ class TransferRelighter:
     def _sky_of(self, environment: Environment | None) -> tuple[Environment, _Brought] | None:
         if environment is None or not max(environment.total) > 0:
             return None
-        if self._environment is not None and self._environment[0] is environment:
-            return self._environment
+        known = self._environment
+        if known is not None and known[0] is environment and self._is_enough(known[1]):
+            return known
         return environment, self._brought(self._sky.of(environment))
 
     def _sent_on(self, light: PlacedLight) -> Radiance | None:
@@ -130,12 +139,17 @@ class TransferRelighter:
             return None
         return self._caustics.of(light, shadow_rays=self._placed.shadow_rays)
 
+    def _is_enough(self, known: _Brought, rays: float = 0.0) -> bool:
+        return known.rays >= rays and (self.coarse or not known.coarse)
+
     def _brought(
         self, direct: Radiance, sent_on: Radiance | None = None, *, inside: bool = False
     ) -> _Brought:
         if sent_on is None:
-            return _Brought(direct, self._indirect.bounced(direct), inside)
-        return _Brought(direct, sent_on + self._indirect.bounced(direct + sent_on), inside)
+            bounced = self._indirect.bounced(direct, coarse=self.coarse)
+        else:
+            bounced = sent_on + self._indirect.bounced(direct + sent_on, coarse=self.coarse)
+        return _Brought(direct, bounced, inside, coarse=self.coarse)
 
     def _forget(self) -> None:
         """Keep what is lit, and a few that were."""

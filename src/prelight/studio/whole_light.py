@@ -151,7 +151,7 @@ class WholeLight:
                 rig = replace(rig, outside=self._environments.worlds.open(world[0]), seconds=world[1])
             for layer in self._lit.layers:
                 if isinstance(layer, TransferRelighter):
-                    layer.shadow_rays = SHADOW_RAYS if fine else _FEW_SHADOW_RAYS
+                    layer.shadow_rays, layer.coarse = SHADOW_RAYS if fine else _FEW_SHADOW_RAYS, not fine
             self._lit.light(rig)
             self._brought, self._key = self._lit.irradiance, (lamps, sky, glass, world, steered, fine)
             if how in ("none", "gain"):
