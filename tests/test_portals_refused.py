@@ -69,7 +69,7 @@ def test_a_portal_in_a_solid_wall_or_outside_is_refused(tmp_path) -> None:
 
 
 def test_a_polygon_is_as_good_as_glass(tmp_path) -> None:
-    X, Y, _ = SIZE
+    X, Y, Z = SIZE
     scene = under_glass(albedo=0.5)
     glass = portals_of(scene, tmp_path / "a.prelight")
     open_ = PortalsRoom(scene, PortalsSettings()).open

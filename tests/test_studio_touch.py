@@ -66,6 +66,7 @@ def test_fingers_do_what_a_mouse_does(browser, rng):
         at = (box["x"] + 10, box["y"] + 10)
         finger(visit, along(at, (at[0] + 60, at[1])))
         wait_for(lambda: studio.state["lamps"][0]["position"][0] > before[0] + 0.3)
+        page.wait_for_timeout(300)  # so have the rows of the lamp that was picked
         page.get_by_role("switch", name="Lamp 1 is lit").tap()
         wait_for(lambda: studio.state["lamps"][0]["on"] is False)
         assert not visit.complaints
