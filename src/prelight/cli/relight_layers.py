@@ -12,9 +12,7 @@ import numpy as np
 from . import arguments, printing
 
 if TYPE_CHECKING:
-    from ..camera import Camera
     from ..lighting.rig import Rig
-    from ..relighting.lit_bake import LitBake
     from ..relighting.live_layer import LiveLayer
     from ..relighting.pixel_environment import PixelEnvironment
     from ..storage.bake import Bake
@@ -63,9 +61,9 @@ def relight_layers(
         eye = arguments.camera_of(light, shown.camera)
         started = time.perf_counter()
         light.light(rig)
-        radiance = _radiance(light, eye)
+        radiance = None if light.has_pixels else light.radiance(eye.eye)
         whole = (time.perf_counter() - started) * 1e3
-    receivers = len(radiance)
+    receivers = light.size[0] * light.size[1] if radiance is None else len(radiance)
     figures: dict[str, Any] = {
         "milliseconds": light.milliseconds,
         "all_milliseconds": whole,
@@ -80,6 +78,8 @@ def relight_layers(
     if output is not None and output.suffix.lower() == ".npy":
         from ..images.formats import write_npy
 
+        if radiance is None:
+            radiance = light.picture(eye, background=None, fine=True).linear.reshape(-1, 3)
         write_npy(output, radiance * factors)
     elif output is not None:
         picture = light.picture(
@@ -103,13 +103,6 @@ def relight_layers(
         + (f"\nwhat glossy surfaces send into all directions took {took:.0f} ms" if took else "")
         + ("" if output is None else f"\n{output}")
     )
-
-
-def _radiance(light: LitBake, eye: Camera) -> np.ndarray:
-    """(receivers, 3) toward the eye: of the vertices, or of the pixels where a layer has pixels."""
-    if light.has_pixels:
-        return light.picture(eye, background=None, fine=True).linear.reshape(-1, 3)
-    return light.radiance(eye.eye)
 
 
 def _figures(layer: LiveLayer | PixelEnvironment) -> dict[str, Any]:

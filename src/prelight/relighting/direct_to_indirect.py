@@ -55,7 +55,7 @@ class DirectToIndirect:
         if self.first is None:
             return self.by_modes(direct)
         total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
-        many = min(self.by_itself, 1 if coarse else self.by_itself)
+        many = min(self.by_itself, 1) if coarse else self.by_itself
         for n in range(many if self.most is None else self.most):
             operator = self.later if n and self.later is not None else self.first
             light = operator.bounce(light)

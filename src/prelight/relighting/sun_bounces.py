@@ -2,7 +2,8 @@
 
 The series is never begun anew for a small change: what has bounced is kept with what has still to bounce, to which the
 change is added. So a blind that is pulled takes the one or two bounces that its change is worth, and nothing that was
-left out is lost: sum = kept + (K + K² + …) · left, always.
+left out is lost: sum = kept + (K + K² + …) · left, always. What is answered is ``kept``: it depends on the light
+before by what is left, half a percent of the light that falls at most, and what would have bounced of it.
 """
 
 from __future__ import annotations
