@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -114,54 +115,55 @@ def against(ours: np.ndarray, mean: np.ndarray, variance: np.ndarray) -> dict[st
 
 
 def sky_layer(work: Path, *, small: bool = False) -> dict[str, Any]:
-    """An environment layer with a glass ball under stock:sunset and under a soft sun, against `path` at vertices."""
-    cells, rings = (40, 24) if small else (100, 64)
+    """An environment layer with a glass ball, two skies, against `path`: in the caustic, and around."""
+    cells, rings = (60, 24) if small else (160, 64)
     scene = ball_on_floor(cells=cells, rings=rings)
     R = 32 if small else 64
     folder = Path(tempfile.mkdtemp(dir=work))
     figures: dict[str, Any] = {"vertices": len(scene.positions), "resolution": R}
-    occluders = Occluders(scene.positions, scene.triangles)
-    stand = vantage_points(scene, occluders)
-    floor = np.unique(scene.triangles[scene.material_of == 0])
-    near = floor[np.linalg.norm(scene.positions[floor] - [0, 0, 0], axis=1) < 0.6]
-    chosen = np.sort(
-        np.random.default_rng(4).choice(near, min(len(near), 60 if small else 400), replace=False)
-    )
-    skies = {
-        "sunset": pl.Environment.stock("sunset"),
-        "soft sun": pl.Environment.constant((0.2, 0.2, 0.2)).with_discs(
-            (pl.Disc(direction=(0.3, 0.8, 0.5), radius_deg=6, radiance=(20, 20, 20)),)
-        ),
-    }
+    lights: dict[str, pl.Relighter] = {}
     for name, photons in (("with photons", None), ("without", 0)):
         started = time.perf_counter()
         bake = pl.bake_environment(
             scene, folder / f"{photons}.prelight", resolution=R, tolerance=0.007, photons=photons
         )
-        part: dict[str, Any] = {"seconds": time.perf_counter() - started}
-        part["bytes"] = sum(f.stat().st_size for f in Path(bake.path).rglob("*") if f.is_file())
-        light = pl.Relighter(bake)
-        for sky, environment in skies.items():
+        figures[name] = {"seconds": time.perf_counter() - started}
+        figures[name]["bytes"] = sum(f.stat().st_size for f in Path(bake.path).rglob("*") if f.is_file())
+        lights[name] = pl.Relighter(bake)
+    soft_sun = pl.Environment.constant((0.2, 0.2, 0.2)).with_discs(
+        (pl.Disc(direction=(0.3, 0.8, 0.5), radius_deg=6, radiance=(20, 20, 20)),)
+    )
+    floor = np.unique(scene.triangles[scene.material_of == 0])
+    for light in lights.values():
+        light.environment = soft_sun
+    bright = (lights["with photons"].irradiance - lights["without"].irradiance)[floor].mean(axis=1)
+    near = floor[np.linalg.norm(scene.positions[floor], axis=1) < 0.6]
+    chance = np.random.default_rng(4)
+    places = {"around": chance.choice(near, min(len(near), 60 if small else 400), replace=False)}
+    places["caustic"] = floor[bright > IN_CAUSTIC * bright.max()][: 40 if small else 200]
+    stand = vantage_points(scene, Occluders(scene.positions, scene.triangles))
+    skies = {"sunset": pl.Environment.stock("sunset"), "soft sun": soft_sun}
+    for (sky, environment), (place, some) in product(skies.items(), places.items()):
+        if sky == "sunset" and place == "caustic":
+            continue  # its sun's caustic lies elsewhere
+        chosen, kept = np.sort(some), work / f"{sky}-{place}-{cells}-{R}.npz"
+        samples = 1 << (11 if small else 15)
+        mean, variance = _of_sky(scene, chosen, stand, environment.cube(R), kept, samples)
+        for name, light in lights.items():
             light.environment = environment
-            mean, variance = _of_sky(
-                scene,
-                chosen,
-                stand,
-                environment.cube(R),
-                work / f"{sky}-{cells}-{R}.npz",
-                1 << (11 if small else 15),
-            )
             ours = light.irradiance[chosen].mean(axis=1).astype(np.float64)
-            part[sky] = against(ours, mean, variance)
-        figures[name] = part
+            figures[name][f"{sky}, {place}"] = {"receivers": len(chosen)} | against(ours, mean, variance)
     return figures
 
 
 def _of_sky(
     scene: Scene, chosen: np.ndarray, stand: np.ndarray, cube: np.ndarray, kept: Path, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    if not kept.exists():
-        lit = LitScene(scene, sky=cube).light(chosen, origins=stand, samples=samples, seed=6)
-        np.savez(kept, mean=lit.total.mean(axis=1), variance=lit.total_variance.mean(axis=1))
-    data = np.load(kept)
-    return data["mean"], data["variance"]
+    if kept.exists():
+        data = np.load(kept)
+        if np.array_equal(data["chosen"], chosen):
+            return data["mean"], data["variance"]
+    lit = LitScene(scene, sky=cube).light(chosen, origins=stand, samples=samples, seed=6)
+    mean, variance = lit.total.mean(axis=1), lit.total_variance.mean(axis=1)
+    np.savez(kept, chosen=chosen, mean=mean, variance=variance)
+    return mean, variance
