@@ -7,9 +7,9 @@ from typing import Any
 
 import measuring
 import numpy as np
-from PIL import Image, ImageDraw
 
 from prelight.drawing.figures import panels, save_figure
+from prelight.drawing.plots import Axis, line_plot
 from prelight.drawing.view import View
 from prelight.relighting.cloud import CloudRelighter
 from prelight.relighting.cloud_figure import cloud_figure
@@ -67,38 +67,24 @@ def of_coefficients(scene: Scene, work: Path, counts: tuple[int, ...]) -> None:
     )
 
 
-def chart(path: Path, curves: dict[str, list[tuple[float, float]]], *, labels: tuple[str, str]) -> None:
-    """Lines over logarithmic or even axes are enough for four points: numbers stand beside them in the tables."""
-    width, height, left, low = 720, 420, 70, 360
-    image = Image.new("RGB", (width, height), "white")
-    draw = ImageDraw.Draw(image)
-    points = [p for curve in curves.values() for p in curve]
-    xs, ys = (sorted({p[k] for p in points}) for k in (0, 1))
-    x0, x1, y1 = min(xs), max(xs), max(ys)
-
-    def at(x: float, y: float) -> tuple[float, float]:
-        return left + (x - x0) / max(x1 - x0, 1e-9) * (width - left - 160), low - y / y1 * (low - 30)
-
-    draw.line([(left, 20), (left, low), (width - 140, low)], fill=(120, 120, 120))
-    for y in np.linspace(0, y1, 5):
-        draw.line([at(x0, y), at(x1, y)], fill=(230, 230, 230))
-        draw.text((8, at(x0, y)[1] - 6), f"{y:.3g}", fill=(60, 60, 60))
-    for x in xs if len(xs) < 9 else xs[:: max(1, len(xs) // 8)]:
-        draw.text((at(x, 0)[0] - 8, low + 6), f"{x:g}", fill=(60, 60, 60))
-    colours = [(24, 96, 168), (200, 84, 24), (60, 130, 60)]
-    for (name, curve), colour in zip(curves.items(), colours, strict=False):
-        draw.line([at(*p) for p in curve], fill=colour, width=3)
-        draw.text((at(*curve[-1])[0] + 8, at(*curve[-1])[1] - 6), name, fill=colour)
-    draw.text((left, height - 24), labels[0], fill=(60, 60, 60))
-    draw.text((left, 2), labels[1], fill=(60, 60, 60))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    image.save(path)
-
-
 def falloff(found: dict[str, Any]) -> None:
     """Figure 5 in kind."""
-    curves = {
-        part: [(float(k + 1), 1 - float(share)) for k, share in enumerate(values)]
-        for part, values in found.items()
-    }
-    chart(HERE / "falloff.png", curves, labels=("components", "share of the variation that is left"))
+    counts = np.arange(1.0, 1 + len(found["direct"]))
+    left = {part: (counts, 1 - np.array(share)) for part, share in found.items()}
+    axes = Axis("components", log=False), Axis("share of the variation that is left", log=False)
+    image = line_plot(left, x=axes[0], y=axes[1], title="Light of the box's back wall")
+    save_figure(image, HERE / "falloff.png", force=True)
+
+
+def growth(found: dict[int, dict[str, Any]]) -> None:
+    """What more lights cost, as so many times what the fewest do."""
+    counts = np.array(sorted(found), np.float64)
+    costs = {"seconds of baking": "bake_seconds", "bytes": "bytes", "milliseconds an update": "milliseconds"}
+    lines = {}
+    for name, key in costs.items():
+        values = np.array([found[int(n)][key] for n in counts], np.float64)
+        lines[name] = (counts, values / values[0])
+    image = line_plot(
+        lines, x=Axis("lights"), y=Axis(f"times that of {counts[0]:.0f} lights"), title="A room"
+    )
+    save_figure(image, HERE / "growth.png", force=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from functools import partial
@@ -105,6 +106,16 @@ def growth(count: int, data: Path, work: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def growth_plot(results: Path, data: Path, work: Path) -> dict[str, Any]:
+    """What growth has been found so far, drawn as times what the fewest lights cost."""
+    kept = {n: results / f"growth-{n}.json" for n in GROWTH}
+    found = {n: json.loads(path.read_text())["figures"] for n, path in kept.items() if path.exists()}
+    if len(found) < 2:
+        return {"skipped": "growth of two numbers of lights is wanted first"}
+    figures.growth(found)
+    return {"lights": sorted(found), "files": ["growth.png"]}
+
+
 def hole(data: Path, work: Path) -> dict[str, Any]:
     """A lamp through the hole of the box, centimetre by centimetre: its steps beside the reference's."""
     scene = scene_of("window-small", data)
@@ -159,6 +170,7 @@ for _name in (*BOXES, *LARGE):
     PARTS |= {f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths)}
 PARTS |= {"coefficients": coefficients, "falloff": falloff, "hole": hole, "leak": leak}
 PARTS |= {f"growth-{count}": partial(growth, count) for count in GROWTH}
+PARTS |= {"growth": partial(growth_plot, Path())}  # where its results are, `main` knows
 PARTS |= {f"transfer-{name}": partial(transfer, name) for name in ("room-small", "maze-small")}
 PARTS |= {f"pictures-{name}": partial(pictures, name) for name in SCENES if name != "room-small"}
 
@@ -170,7 +182,8 @@ def main() -> None:
     options = parser.parse_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
-    measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))
+    parts = PARTS | {"growth": partial(growth_plot, results)}
+    measure_parts(parts, options.parts, results, call=lambda part: part(options.data, options.work))
 
 
 if __name__ == "__main__":
