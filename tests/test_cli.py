@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,10 @@ ROOT = Path(__file__).resolve().parents[1]
 FUNCTIONS = {
     "demo": demo.demo,
     "bake environment": bake_command.environment,
+    "bake steerable": bake_command.steerable,
+    "bake portals": bake_command.portals,
+    "bake transfer": bake_command.transfer,
+    "bake cloud": bake_command.cloud,
     "relight": relight.relight,
     "studio": studio.studio,
     "compare": compare.compare,
@@ -41,6 +45,17 @@ FUNCTIONS = {
 COMMANDS = ("", "bake", *FUNCTIONS)
 
 
+def options_of(function) -> list[tuple[str, str]]:
+    """Names of a command's options, each with the docstring that explains it; those that bakes share are fields."""
+    found = []
+    for name, parameter in inspect.signature(function).parameters.items() if function else ():
+        if is_dataclass(parameter.default):
+            found += [(field.name, type(parameter.default).__doc__) for field in fields(parameter.default)]
+        else:
+            found.append((name, function.__doc__))
+    return found
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_teaches(prelight, command):
     """Every option is explained."""
@@ -48,10 +63,9 @@ def test_help_teaches(prelight, command):
     assert answer.code == 0
     assert answer.err == ""
     assert "Usage: prelight" in answer.out
-    function = FUNCTIONS.get(command)
-    for name in inspect.signature(function).parameters if function else ():
+    for name, explained in options_of(FUNCTIONS.get(command)):
         assert f"--{name.replace('_', '-')}" in answer.out or name.upper() in answer.out
-        assert f"\n    {name}\n        " in function.__doc__, f"{name} is not explained"
+        assert f"\n    {name}\n        " in explained, f"{name} is not explained"
 
 
 def test_help_of_a_real_process_survives_ascii(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from ..errors import InputError
 from . import arguments, printing
 from .bake_cloud import cloud
 from .bake_portals import portals
+from .bake_running import AS_IT_IS, AT_ONCE, Reading, Running
 from .bake_steerable import steerable
 from .bake_transfer import transfer
 from .gloss_said import said_of_gloss
@@ -45,15 +47,9 @@ def environment(
     camera: str | None = None,
     size: str | None = None,
     pixel_samples: Annotated[int | None, Parameter(converter=arguments.whole_number)] = None,
-    floor: float | None = None,
     subdivide: float | None = None,
-    albedo: str | None = None,
-    trust: Annotated[bool, Parameter(negative="")] = False,
-    memory: str | None = None,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Reading = AS_IT_IS,
+    running: Running = AT_ONCE,
 ) -> None:
     """Bake for any environment map: environment lights in clusters, one byte an element.
 
@@ -107,43 +103,21 @@ def environment(
         Width and height of the picture with --receivers pixels, up to 2048 each; default 256x144.
     pixel_samples
         Points in a pixel with --receivers pixels, a square number up to 64; default 4.
-    floor
-        Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
         Halve edges longer than this, in metres, for a finer net of vertices.
-    albedo
-        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
-    trust
-        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
-    memory
-        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
-    dry_run
-        Only say what it would cost.
-    resume
-        Go on with an interrupted bake.
-    force
-        Replace the output, or begin an interrupted bake anew.
-    json
-        Print one JSON object on standard output.
     """
-    from ..storage.journal import refuse_target
-
     for option, value in (("--size", size), ("--pixel-samples", pixel_samples)):
         if value is not None and receivers != "pixels":
             raise InputError(
                 option, f"{value}, but receivers are {receivers}; add --receivers pixels or leave it out"
             )
-    target = arguments.bake_target(scene, output)
-    if not dry_run:
-        refuse_target(target, force=force)
+    target = running.target(scene, output)
 
-    budget = arguments.memory(memory)
-    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    budget = running.budget
     with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
         from ..baking.environment import bake_planned
         from ..baking.environment_plan import plan_environment
         from ..baking.environment_settings import EnvironmentSettings
-        from ..scene.loading import load_scene
 
         width, height = arguments.picture_size(size or "256x144")
         settings = EnvironmentSettings(
@@ -153,9 +127,9 @@ def environment(
             bounces=bounces, gather_rays=gather_rays, sun_paths=sun_paths, glossy_order=glossy_order,
             photons=photons,
         )  # fmt: skip
-        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
+        loaded = reading.load(scene, subdivide=subdivide)
         plan = plan_environment(loaded, settings)
-    if not json:
+    if not running.json:
         for note in loaded.notes:
             printing.say(f"note: {note}")
         printing.say(
@@ -178,16 +152,10 @@ def environment(
                 )
         if glossy_order:
             printing.say(said_of_gloss(plan.glossy))
-    if dry_run:
-        if json:
-            printing.say_json(plan.summary())
+    bake = running.bake(target, plan, partial(bake_planned, loaded), bar=printing.progress_bar)
+    if bake is None:
         return
-    with printing.progress_bar("baking") as report:
-        bake = bake_planned(loaded, target, plan=plan, resume=resume, force=force, report=report)
     summary = bake.summary()
-    if json:
-        printing.say_json(summary)
-        return
     layer = summary["layers"][0]
     printing.say(
         f"{target}: {layer['coefficients']:,} clusters, {printing.size(summary['bytes'])}"

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .bake_running import AS_IT_IS, AT_ONCE, Reading, Running
 from .gloss_said import rows_of_gloss, said_of_gloss
 
 if TYPE_CHECKING:
@@ -40,15 +41,9 @@ def cloud(
     gather_rays: Annotated[int, _NUMBER] = 1024,
     photons: Annotated[int | None, _NUMBER] = None,
     glossy_order: Annotated[int, _NUMBER] = 0,
-    floor: float | None = None,
     subdivide: float | None = None,
-    albedo: str | None = None,
-    trust: Annotated[bool, Parameter(negative="")] = False,
-    memory: str | None = None,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Reading = AS_IT_IS,
+    running: Running = AT_ONCE,
 ) -> None:
     """Bake a cloud of lights: any number of lamps, moved anywhere in it, with every bounce.
 
@@ -85,9 +80,11 @@ def cloud(
         Kept of a vertex and colour, in the mean.
     error
         Keep no more than bring what is left over below this share (RMS), 0 to 1.
-    w1, w2
-        Of the paper's equation 9: the reciprocals of how far lights of a group may be apart (metres), and of how
-        differently a vertex may answer to them (irradiance / π of 1 W/sr). Suggested from the scene if not given.
+    w1
+        Of the paper's equation 9: the reciprocal of how far lights of a group may be apart, in metres. Suggested from
+        the scene if not given.
+    w2
+        The same of how differently a vertex may answer to them, in irradiance / π of 1 W/sr.
     merge
         mean, or harmonic: how answers to lights of a group become one.
     modes
@@ -105,37 +102,15 @@ def cloud(
     glossy_order
         Show what glossy materials reflect, for any camera, in spherical harmonics of this order, 1 to 16; 8 is good for
         most. 0 shows every surface as diffuse.
-    floor
-        Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
         Halve edges longer than this, in metres, for a finer net of vertices.
-    albedo
-        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
-    trust
-        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
-    memory
-        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
-    dry_run
-        Only say what it would cost.
-    resume
-        Go on with an interrupted bake.
-    force
-        Replace the output, or begin an interrupted bake anew.
-    json
-        Print one JSON object on standard output.
     """
-    from ..storage.journal import refuse_target
-
-    target = arguments.bake_target(scene, output)
-    if not dry_run:
-        refuse_target(target, force=force)
-    budget = arguments.memory(memory)
-    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    target = running.target(scene, output)
+    budget = running.budget
     with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
         from ..baking.cloud import bake_planned
         from ..baking.cloud_plan import plan_cloud
         from ..baking.cloud_settings import CloudSettings
-        from ..scene.loading import load_scene
 
         settings = CloudSettings(
             lights=lights, box=None if box is None else _corners(box), shell=shell, radius=radius, zone=zone,
@@ -143,20 +118,13 @@ def cloud(
             interpolation=interpolation or ("fitted" if modes else "kernel"), codes=codes,
             gather_rays=gather_rays, photons=photons, memory=budget, glossy_order=glossy_order,
         )  # fmt: skip
-        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
+        loaded = reading.load(scene, subdivide=subdivide)
         plan = plan_cloud(loaded, settings)
-    if not json:
+    if not running.json:
         _say_plan(plan)
-    if dry_run:
-        if json:
-            printing.say_json(plan.summary())
-        return
-    with printing.share_bar("baking") as report:
-        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
-    if json:
-        printing.say_json(bake.summary())
-        return
-    _say_done(bake, target)
+    bake = running.bake(target, plan, bake_planned)
+    if bake is not None:
+        _say_done(bake, target)
 
 
 def _corners(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .bake_running import AS_IT_IS, AT_ONCE, Reading, Running
 from .gloss_said import said_of_gloss
 
 if TYPE_CHECKING:
@@ -47,14 +48,9 @@ def portals(
     subdivide: float | None = None,
     refine: float | None = None,
     refine_for: Annotated[list[str] | None, Parameter(negative="")] = None,
-    albedo: str | None = None,
-    trust: Annotated[bool, Parameter(negative="")] = False,
-    memory: str | None = None,
     seed: Annotated[int, _NUMBER] = 0,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Reading = AS_IT_IS,
+    running: Running = AT_ONCE,
 ) -> None:
     """Bake a room for the light that comes through its windows, whatever is outside and whatever the glass becomes.
 
@@ -121,39 +117,19 @@ def portals(
         as many as there are, such as 2.
     refine_for
         A rig, a map or stock:NAME whose sun's patch shall have a sharp edge; again for more hours. With --refine.
-    albedo
-        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
-    trust
-        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
-    memory
-        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
     seed
         Of all randomness.
-    dry_run
-        Only say what it would cost, and the advice.
-    resume
-        Go on with an interrupted bake.
-    force
-        Replace the output, or begin an interrupted bake anew.
-    json
-        Print one JSON object on standard output.
     """
-    from ..storage.journal import refuse_target
-
-    target = arguments.bake_target(scene, output)
-    if not dry_run:
-        refuse_target(target, force=force)
+    target = running.target(scene, output)
     if preset not in (None, "paper"):
         raise InputError("--preset", f"{preset!r}, expected paper")
     if accuracy is not None and order is None:
         order = 12
-    budget = arguments.memory(memory)
-    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    budget = running.budget
     with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
         from ..baking.portals import bake_planned
         from ..baking.portals_plan import plan_portals
         from ..baking.portals_settings import PAPER, PortalsSettings
-        from ..scene.loading import load_scene
         from ..scene.portals import PortalWish
 
         wish = PortalWish(
@@ -179,18 +155,14 @@ def portals(
             memory=budget,
             **asked,
         )
-        loaded = load_scene(scene, albedo=colour, subdivide=subdivide, trust=trust)
+        loaded = reading.load(scene, subdivide=subdivide)
         loaded = _refined(loaded, settings, factor=refine, skies=refine_for)
         plan = plan_portals(loaded, settings)
-    if not json:
+    if not running.json:
         _say_plan(plan)
-    if dry_run:
-        if json:
-            printing.say_json(plan.summary())
-        return
-    with printing.share_bar("baking") as report:
-        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
-    _say_done(bake, target, json=json)
+    bake = running.bake(target, plan, bake_planned)
+    if bake is not None:
+        _say_done(bake, target)
 
 
 def _spectrum(source: str | None, accuracy: float | None) -> tuple[float, ...] | None:
@@ -247,11 +219,8 @@ def _say_plan(plan: PortalsPlan) -> None:
         printing.say(said_of_gloss(plan_exitant(scene, order)))
 
 
-def _say_done(bake: Bake, target: Path, *, json: bool) -> None:
+def _say_done(bake: Bake, target: Path) -> None:
     summary = bake.summary()
-    if json:
-        printing.say_json(summary)
-        return
     layer = summary["layers"][0]
     found = layer["statistics"]
     haar = found["haar_rows"] / max(found["rows"], 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError
 from . import arguments, printing
+from .bake_running import AS_IT_IS, AT_ONCE, Reading, Running
 from .baked_lamps import lamps_of
 from .meant_lights import said_of_lights
 
@@ -53,13 +55,8 @@ def steerable(
     lights_list: Path | None = None,
     from_images: Path | None = None,
     meant_for: Path | None = None,
-    albedo: str | None = None,
-    trust: Annotated[bool, Parameter(negative="")] = False,
-    memory: str | None = None,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Reading = AS_IT_IS,
+    running: Running = AT_ONCE,
 ) -> None:
     """Bake lamps that one eye sees with every bounce, to be aimed, slid and reshaped in milliseconds.
 
@@ -147,38 +144,18 @@ def steerable(
     meant_for
         A rig (.toml) that the bake is to be lit by: how well the lamps will hold its lights, such as those of an IES
         file or of a picture, is told before anything is traced.
-    albedo
-        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
-    trust
-        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
-    memory
-        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
-    dry_run
-        Only say what it would cost.
-    resume
-        Go on with an interrupted bake.
-    force
-        Replace the output, or begin an interrupted bake anew.
-    json
-        Print one JSON object on standard output.
     """
-    from ..storage.journal import refuse_target
-
-    target = arguments.bake_target(scene, output)
     _refuse_together(
         ("--lights-list", lights_list is not None),
         ("--from-images", from_images is not None),
-        ("--dry-run", dry_run),
+        ("--dry-run", running.dry_run),
     )
     if left_to_chance not in ("keep", "drop"):
         raise InputError("--left-to-chance", f"{left_to_chance!r}, expected keep or drop")
-    if not dry_run and lights_list is None:
-        refuse_target(target, force=force)
-    budget = arguments.memory(memory)
-    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    target = running.target(scene, output, writes=lights_list is None)
+    budget = running.budget
     with printing.waiting("reading the scene"):
         from ..baking.steerable_settings import SteerableSettings
-        from ..scene.loading import load_scene
         from ..transport.basis_images import ImageSettings
 
         width, height = arguments.picture_size(size)
@@ -196,35 +173,34 @@ def steerable(
             tuple(lamps), arguments.eye(camera), images, deep=deep, memory=budget, **kept
         )
         meant = [] if meant_for is None else said_of_lights(meant_for, settings.lamps)
-        loaded = load_scene(scene, albedo=colour, trust=trust)
-    for line in [] if json else meant:
+        loaded = reading.load(scene)
+    for line in [] if running.json else meant:
         printing.say(line)
     if lights_list is not None:
-        _write_list(loaded, settings, lights_list, force=force, json=json)
+        _write_list(loaded, settings, lights_list, force=running.force, json=running.json)
         return
     if from_images is not None:
         from ..baking.steerable_foreign import bake_from_images
 
         with printing.waiting("reading basis images"):
             bake = bake_from_images(
-                loaded, target, from_images, settings=settings, resume=resume, force=force
+                loaded, target, from_images, settings=settings, resume=running.resume, force=running.force
             )
-        _say_done(bake, target, json=json)
+        if running.json:
+            printing.say_json(bake.summary())
+        else:
+            _say_done(bake, target)
         return
     from ..baking.steerable import bake_planned
     from ..baking.steerable_plan import plan_steerable
 
     with printing.waiting("estimating the cost (compiling too)"):
         plan = plan_steerable(loaded, settings)
-    if not json:
+    if not running.json:
         _say_plan(loaded, plan)
-    if dry_run:
-        if json:
-            printing.say_json(plan.summary() | {"meant_for": meant})
-        return
-    with printing.share_bar("baking") as report:
-        bake = bake_planned(loaded, target, plan=plan, resume=resume, force=force, report=report)
-    _say_done(bake, target, json=json)
+    found = running.bake(target, plan, partial(bake_planned, loaded), more={"meant_for": meant})
+    if found is not None:
+        _say_done(found, target)
 
 
 def _refuse_together(*options: tuple[str, bool]) -> None:
@@ -266,11 +242,8 @@ def _say_plan(loaded: Any, plan: SteerablePlan) -> None:
     )
 
 
-def _say_done(bake: Bake, target: Path, *, json: bool) -> None:
+def _say_done(bake: Bake, target: Path) -> None:
     summary = bake.summary()
-    if json:
-        printing.say_json(summary)
-        return
     for layer in summary["layers"]:
         printing.say(
             f"{layer['name']}: {layer['coefficients']} components of {layer['basis_lights']} basis images "

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from . import arguments, printing
+from .bake_running import AS_IT_IS, AT_ONCE, Reading, Running
 from .gloss_said import said_of_gloss
 
 _NO_EDGE = 1e8  # metres: every one holds
@@ -25,15 +26,9 @@ def transfer(
     modes: Annotated[int, _NUMBER] = 124,
     glossy_order: Annotated[int, _NUMBER] = 0,
     caustics: bool = True,
-    floor: float | None = None,
     subdivide: float | None = None,
-    albedo: str | None = None,
-    trust: Annotated[bool, Parameter(negative="")] = False,
-    memory: str | None = None,
-    dry_run: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Reading = AS_IT_IS,
+    running: Running = AT_ONCE,
 ) -> None:
     """Bake for any light at all: lamps, spots, panels, skies, moved anywhere, with exact shadows and every bounce.
 
@@ -69,44 +64,22 @@ def transfer(
     caustics
         Photons carry what clear glass and mirrors send of a light, when it is lit or moved; --no-caustics makes them
         diffuse, of their base colour.
-    floor
-        Put a floor of 193×193 vertices under the lowest point, SCALE times the largest extent wide.
     subdivide
         Halve edges longer than this, in metres, for a finer net of vertices.
-    albedo
-        Reflectance of vertices that the file gives none, one number or three, 0 to 1; default 0.8.
-    trust
-        Read scene descriptions that may run code or open other files (Mitsuba XML): only if you know who made them.
-    memory
-        What the bake may use, such as 4GB, at least 500MB; default half of this machine's.
-    dry_run
-        Only say what it would cost.
-    resume
-        Go on with an interrupted bake.
-    force
-        Replace the output, or begin an interrupted bake anew.
-    json
-        Print one JSON object on standard output.
     """
-    from ..storage.journal import refuse_target
-
-    target = arguments.bake_target(scene, output)
-    if not dry_run:
-        refuse_target(target, force=force)
-    budget = arguments.memory(memory)
-    colour = None if albedo is None else arguments.colour("--albedo", albedo)
+    target = running.target(scene, output)
+    budget = running.budget
     with printing.waiting("reading the scene and estimating the cost (the first time, compiling too)"):
         from ..baking.transfer import bake_planned
         from ..baking.transfer_plan import plan_transfer
         from ..baking.transfer_settings import TransferSettings
-        from ..scene.loading import load_scene
 
         settings = TransferSettings(
             gather_rays, entries, operator_bounces, modes, budget, glossy_order, caustics
         )
-        loaded = load_scene(scene, floor=floor, albedo=colour, subdivide=subdivide, trust=trust)
+        loaded = reading.load(scene, subdivide=subdivide)
         plan = plan_transfer(loaded, settings)
-    if not json:
+    if not running.json:
         for note in (*loaded.notes, *plan.notes):
             printing.say(f"note: {note}")
         printing.say(
@@ -116,16 +89,10 @@ def transfer(
         )
         if glossy_order:
             printing.say(said_of_gloss(plan.glossy))
-    if dry_run:
-        if json:
-            printing.say_json(plan.summary())
+    bake = running.bake(target, plan, bake_planned)
+    if bake is None:
         return
-    with printing.share_bar("baking") as report:
-        bake = bake_planned(target, plan=plan, resume=resume, force=force, report=report)
     summary = bake.summary()
-    if json:
-        printing.say_json(summary)
-        return
     layer = summary["layers"][0]
     told = layer["statistics"]
     coarse = ""
