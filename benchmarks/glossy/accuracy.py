@@ -15,10 +15,11 @@ from prelight.drawing.figures import enlarged, panels, save_figure
 from prelight.drawing.picture import Picture
 from prelight.rays.mitsuba import Occluders
 from prelight.rays.surfaces import SurfaceScene
-from prelight.transport.eye import seen_points
+from prelight.transport.eye import SeenPoints, seen_points
 from prelight.transport.path_tracing import path_traced_view
 
 POINTS = 9  # of a pixel, as pictures of meshes have
+PIECE = 18432  # samples of a pixel that are found together
 SKIES = {"sky": "stock:sunset", "studio": "stock:studio", "overcast": "stock:overcast"}
 
 
@@ -92,10 +93,19 @@ def _eye(light: pl.Relighter, looked, k: int, cube: np.ndarray, work: Path, *, s
     began = time.perf_counter()
     every = np.flatnonzero(on).astype(np.int32)
     pixels = np.sort(np.random.default_rng(k).permutation(every)[: s.pixels])
-    mean, variance = path_traced_view(
-        surfaces, points, cube=cube, receivers=pixels, bounces=None, samples=s.samples, seed=k,
-        openings=looked.openings,
-    )  # fmt: skip
+    kept = (
+        work
+        / f"{scene.name}-{s.detail:g}-{scene.materials[looked.glossy].name}-{sky}-{s.resolution}-{s.side}"
+    )
+    mean, variance = _reference(
+        surfaces,
+        points,
+        looked,
+        pixels,
+        eye=k,
+        cube=cube,
+        kept=Path(str(kept).replace(":", "-").replace(" ", "-")),
+    )
     took = time.perf_counter() - began
     a = ours.linear.reshape(-1, 3).astype(np.float64)
     if k == 0:
@@ -112,6 +122,33 @@ def _eye(light: pl.Relighter, looked, k: int, cube: np.ndarray, work: Path, *, s
         "picture_milliseconds": round(drawn, 1),
         "reference_seconds": round(took, 1),
     }
+
+
+def _reference(
+    surfaces: SurfaceScene,
+    points: SeenPoints,
+    looked,
+    pixels: np.ndarray,
+    *,
+    eye: int,
+    cube: np.ndarray,
+    kept: Path,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and its variance, from pieces of PIECE samples, each kept: a finer one goes on from there."""
+    found = []
+    for piece in range(max(1, Settings.samples // PIECE)):
+        samples = min(Settings.samples, PIECE)
+        path = kept.with_name(f"{kept.name}-{eye}-{len(pixels)}-{samples}-{piece}.npz")
+        if not path.is_file():
+            mean, variance = path_traced_view(
+                surfaces, points, cube=cube, receivers=pixels, bounces=None, samples=samples, seed=eye + 100 * piece,
+                openings=looked.openings,
+            )  # fmt: skip
+            np.savez(path, mean=mean, variance=variance)
+        with np.load(path) as part:
+            found.append((part["mean"], part["variance"]))
+    means, variances = (np.array(each) for each in zip(*found, strict=True))
+    return means.mean(axis=0), variances.sum(axis=0) / len(found) ** 2
 
 
 def _panel(a: np.ndarray, b: np.ndarray, ours: Picture, path: Path) -> None:

@@ -21,7 +21,9 @@ def main() -> None:
     )
     parser.add_argument("--detail", type=float, default=0.5, help="1 for the bunny and the full room")
     parser.add_argument("--side", type=int, default=72, help="pixels of a picture's side")
-    parser.add_argument("--samples", type=int, default=18432, help="of the path tracer, a pixel")
+    parser.add_argument(
+        "--samples", type=int, default=18432, help="of the path tracer, a pixel; kept in pieces of 18,432"
+    )
     parser.add_argument("--pixels", type=int, default=160, help="of the object that are compared, by chance")
     parser.add_argument("--order", type=int, default=8, help="of the harmonics")
     parser.add_argument("--tolerance", type=float, default=0.005, help="of the clusters")
@@ -29,7 +31,7 @@ def main() -> None:
     parser.add_argument(
         "--foot", type=float, default=0.0, help="longest edges beneath the vase, metres; 0: its own"
     )
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     for name in KEPT:

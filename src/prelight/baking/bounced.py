@@ -18,12 +18,14 @@ import numpy as np
 from ..arrays import Float32, Float64
 from ..bases.quadtree import Nodes
 from ..encoding.range_kernels import add_light, answers, eigenvectors, gram, turned
+from ..rays.surfaces import SurfaceScene
 from ..transport.bounces import Bounced, bounced
 from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
+from ..transport.metal_rays import Metals
 from ..transport.spreading import Spreading
 from ..transport.viewed_gathering import ViewedGathering
-from .caustics import Caustics, find_caustics
+from .caustics import Caustics, find_caustics, from_metal
 from .first_bounce import FirstBounce, first_bounce
 from .fitness import even_sky_fitness
 from .layer_receivers import LayerReceivers
@@ -59,6 +61,7 @@ class BouncedPart:
     edge: float  # metres, the longest edge that would hold it nearly everywhere; infinite where it does
     first: FirstBounce | None = None  # where all rows are Lambertian vertices
     caustics: Caustics | None = None  # where a material needs them; at all vertices
+    metal: Caustics | None = None  # the same of rough metal, from gathering
 
 
 class BouncedLight:
@@ -89,6 +92,7 @@ class BouncedLight:
         told = partial(_within, self._report)
         gathering = Gathering.trace(
             scene, layer.occluders, rays=self._rays, memory=self._memory,
+            metals=None if layer.metals is None else Metals(SurfaceScene(layer.scene), layer.metals),
             report=told(0.0, 0.3),
         )  # fmt: skip
         R = layer.settings.resolution
@@ -102,14 +106,18 @@ class BouncedLight:
             caustics = find_caustics(
                 layer.scene, layer.occluders, cells, R, photons=layer.photons, report=told(0.35, 0.4)
             )
+        metal = None
+        if layer.metals is not None:
+            metal = from_metal(gathering.to_sky, cells, R, vertices=gathering.rows, rays=self._rays)
         viewed = self._viewed(gathering)
         colours = 1 if gathering.is_grey and not viewed and (caustics is None or caustics.colours == 1) else 3
         direct = self._direct(gathering, light, cells, colours)
-        if caustics is not None:
-            caustics.add(_mixtures(cells, R, colours), direct)
+        sent_on = [part for part in (caustics, metal) if part is not None]
+        for part in sent_on:
+            part.add(_mixtures(cells, R, colours), direct)
         modes, forth = self._range(gathering, direct, viewed, told(0.4, 0.65))
         Q, back = self._sources(gathering, modes, viewed, colours, told(0.65, 0.9))
-        weights = self._weights(light, caustics, Q, len(cells), told(0.9, 0.95))
+        weights = self._weights(light, sent_on, Q, len(cells), told(0.9, 0.95))
         modes, Q, weights, left_out = _reduced(modes, Q, weights, smooth_lights(cells, R))
         first = None
         if len(self._plain) == layer.count == gathering.rows:
@@ -129,6 +137,7 @@ class BouncedLight:
             edge=fitness.edge_for(HELD),
             first=first,
             caustics=None if caustics is None else caustics.for_rows(layer),
+            metal=None if metal is None else metal.for_rows(layer),
         )
 
     def _viewed(self, gathering: Gathering) -> list[tuple[np.ndarray, ViewedGathering]]:
@@ -216,15 +225,15 @@ class BouncedLight:
         return Q, _worst(done)
 
     def _weights(
-        self, light: CellLight, caustics: Caustics | None, Q: np.ndarray, cells: int, report: Share
+        self, light: CellLight, sent_on: list[Caustics], Q: np.ndarray, cells: int, report: Share
     ) -> Float64[np.ndarray, "colours modes cells"]:
         weights = np.zeros((len(Q), cells, Q.shape[2]))
-        if caustics is not None:
-            caustics.add_answers(Q, weights)
-        for part, T in light.blocks():
+        for part in sent_on:
+            part.add_answers(Q, weights)
+        for some, T in light.blocks():
             for c in range(len(Q)):
-                answers(np.ascontiguousarray(T), Q[c], weights[c, part])
-            report(part.stop / cells)
+                answers(np.ascontiguousarray(T), Q[c], weights[c, some])
+            report(some.stop / cells)
         return np.ascontiguousarray(weights.transpose(0, 2, 1))
 
 

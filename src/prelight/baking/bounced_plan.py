@@ -28,6 +28,7 @@ _BYTES_PER_TRIANGLE = 200  # of the renderer's tree
 _SOLVER_COPIES = 22  # of the columns that are solved together
 _RAYS_AT_ONCE = 1 << 22
 _BYTES_PER_RAY = 60  # of a tile of the operator
+_BYTES_PER_COLOUR = 110  # of a ray, where each brings a colour of its own
 _USED_SHARE = 0.9
 _STRETCHES, _TRIED_RAYS = 5, 1 << 18  # whose hits are tried
 _PRODUCTS = 8  # that solving takes
@@ -65,14 +66,16 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
         return BouncedPlan()
     V, N = len(scene.positions), layer.count
     viewed = sum(len(zone.rows) for zone in layer.zones if zone.kind == VIEWED)
-    grey = not viewed and not scene.textures and bool((scene.albedo == scene.albedo[:, :1]).all())
+    coloured = bool(scene.textures) or layer.metals is not None  # entries
+    grey = not viewed and not coloured and bool((scene.albedo == scene.albedo[:, :1]).all())
     C = 1 if grey else 3
     per_row, ray_seconds = tried_rows(scene, layer.occluders, layer.origins, gather_rays=settings.gather_rays)
     entries = int(per_row * V)
-    wanted = entries * (8 if not scene.textures else 4 + 4 * C) + 8 * V
+    wanted = entries * (8 if not coloured else 4 + 4 * C) + 8 * V
 
     fixed = _PROCESS_BYTES + len(scene.triangles) * _BYTES_PER_TRIANGLE
-    fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * _BYTES_PER_RAY
+    per_ray = _BYTES_PER_RAY + (0 if layer.metals is None else _BYTES_PER_COLOUR)
+    fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * per_ray
     fixed += min(ASKED_AT_ONCE, V * DIRECTIONS) * 12
     fixed += V * (C * 4 * (2 * MIXTURES + _SOLVER_COPIES * COLUMNS) + DIRECTIONS // 8) + N * MIXTURES * 12
     keeps_first = not viewed and N == V

@@ -38,8 +38,9 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
     if first is not None:
         parts |= {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
     caustics = part.caustics
-    if caustics is not None:
-        parts |= {f"caustics/{name}": values for name, values in caustics.in_bytes().items()}
+    for name, sent_on in (("caustics", caustics), ("metal", part.metal)):
+        if sent_on is not None:
+            parts |= {f"{name}/{of}": values for of, values in sent_on.in_bytes().items()}
     chunks, arrays = {}, {}
     for name, values in parts.items():
         shape = list(values.shape)
@@ -63,6 +64,7 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
                 if caustics is None
                 else {"caustic_noise": caustics.noise, "photons_traced": caustics.photons}
             ),
+            **({} if part.metal is None else {"metal_rays": part.metal.photons}),
         },
         "rays": part.rays,
         "arrays": arrays,

@@ -6,7 +6,7 @@ is kept as it is: for a vertex the cells that it has light from, a byte for each
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
 from ..transport.hemisphere import Hits
 from ..transport.hit_colour import HitColour
+from ..transport.metal_rays import ToSky
 from ..transport.photon_density import LitSurface, PhotonDensity
 from ..transport.photon_mapping import PhotonMap
 from ..transport.photon_sources import SkySource
@@ -141,6 +142,24 @@ def find_caustics(
     matrix = _sparse(parts, len(scene.positions), len(cells))
     report(1.0)
     return Caustics(**matrix, photons=sum(p.emitted for p, _ in found), noise=_noise(found))
+
+
+def from_metal(
+    found: Sequence[ToSky], cells: Nodes, resolution: int, *, vertices: int, rays: int
+) -> Caustics:
+    """What rough metal sends from each cell, from gathering rays that it sent to the sky, so many a vertex."""
+    per_unit = (1 / (rays * solid_angles_of(cells, resolution))).astype(np.float32)
+    parts, above = [], 0
+    for part in found:  # rows ascend from one to the next
+        cell = cells_of(part.directions, cells, resolution)
+        keys, place = np.unique(part.rows * len(cells) + cell, return_inverse=True)
+        weights = part.weights * per_unit[cell][:, None]
+        values = np.stack([np.bincount(place.ravel(), weights[:, c], minlength=len(keys)) for c in range(3)])
+        parts.append((keys // len(cells), (keys % len(cells)).astype(np.int32), values.astype(np.float32)))
+        above += len(part.rows)
+    row, of_cell, values = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=vertices))]).astype(np.int64)
+    return Caustics(starts, of_cell, np.ascontiguousarray(values), photons=above, noise=0.0)
 
 
 def _of_pixels(caustics: Caustics, layer: LayerReceivers) -> dict[str, np.ndarray]:

@@ -52,7 +52,7 @@ class FirstBounce:
         colour_halves(D, self.colours, self.order, self.left, means, nodes)
         out = np.empty_like(D)
         starts = np.concatenate([[0], np.cumsum(self.counts, dtype=np.int64)])
-        multiply_rows((starts, self.steps, self.codes, self.sums, self.scales), nodes, out)
+        multiply_rows((starts, self.steps, self.codes, self.sums, self.scales), nodes, np.float32(0), out)
         return out
 
 

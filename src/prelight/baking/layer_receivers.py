@@ -13,7 +13,7 @@ from ..scene.geometry import Scene
 from ..scene.mesh import short_name
 from ..transport.direct import DiffuseTransfer
 from ..transport.eye import SeenPoints, seen_points, vertex_points
-from ..transport.specular import specular_materials, without_specular
+from ..transport.specular import rough_metals, specular_materials, without_specular
 from ..transport.transfer import DarkTransfer, Transfer
 from ..transport.vantage import vantage_points
 from ..transport.viewed import ViewedTransfer
@@ -113,6 +113,13 @@ class LayerReceivers:
         """That are traced for caustics: none where no material needs them, or light does not bounce."""
         wanted = PHOTONS if self.settings.photons is None else self.settings.photons
         return wanted if self.settings.bounces != 0 and specular_materials(self.scene).any() else 0
+
+    @cached_property
+    def metals(self) -> np.ndarray | None:
+        """(materials,) those that gathering follows light from; None where there are none, or no gloss is kept."""
+        settings = self.settings
+        found = rough_metals(self.scene)
+        return found if settings.glossy_order and settings.bounces != 0 and found.any() else None
 
     @cached_property
     def points(self) -> SeenPoints:

@@ -31,4 +31,9 @@ def rows_of_gloss(layer: dict[str, Any]) -> list[tuple[str, str]]:
     kept = f"{rows:,} vertices for any eye, in harmonics of order {order}; {printing.size(layer['glossy_bytes'])}"
     rays, took = printing.count(found.get("glossy_rays", 0)), milliseconds(rows, order)
     cost = f"{rays} rays; about {took:.0f} ms a change of light"
-    return [("  gloss", kept), ("", f"{cost}; of the sharpest lobe {fit:.0%} (RMS) is beyond that order")]
+    said = [("  gloss", kept), ("", f"{cost}; of the sharpest lobe {fit:.0%} (RMS) is beyond that order")]
+    if metal := found.get("metal_rays"):
+        said.append(
+            ("", f"rough metal lights what is around it, {printing.count(metal)} rays of it from the sky")
+        )
+    return said

@@ -52,8 +52,9 @@ class BouncedLight:
             return False
         self._light = light
         self._multiply(self._of_cells(light), self._sums)
-        if self.part.caustics is not None:
-            self._add_stored(self.part.caustics.of(light))
+        for sent_on in (self.part.caustics, self.part.metal):
+            if sent_on is not None:
+                self._add_stored(sent_on.of(light))
         return True
 
     @property
@@ -94,6 +95,9 @@ class BouncedLight:
         if self.part.caustics is not None:
             found = caustics(lights) if self._direct is not None else None
             found = self.part.caustics.of(light) if found is None else found
+        if self.part.metal is not None:
+            of_metal = self.part.metal.of(light)
+            found = of_metal if found is None else found + of_metal
         if self._direct is not None:
             return (
                 self._direct.bounced(direct)

@@ -29,12 +29,13 @@ class BouncedLayer:
     first: FirstBounce | None = None
     most: int | None = None  # bounces; all, if not said
     caustics: Caustics | None = None
+    metal: Caustics | None = None  # what rough metal sends of the light of each cell
 
     @property
     def bytes(self) -> int:
         """Of what a relight reads."""
-        caustics = 0 if self.caustics is None else self.caustics.bytes
-        return self.modes.nbytes + self.weights.nbytes + caustics
+        sent_on = sum(part.bytes for part in (self.caustics, self.metal) if part is not None)
+        return self.modes.nbytes + self.weights.nbytes + sent_on
 
 
 def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
@@ -68,4 +69,5 @@ def read_bounced(bake: Bake, layer: EnvironmentLayer) -> BouncedLayer | None:
         first=read_first_bounce(bake, f"{at}/first"),
         most=most if type(most) is int else None,
         caustics=read_caustics(bake, f"{at}/caustics", cells=len(cells)),
+        metal=read_caustics(bake, f"{at}/metal", cells=len(cells)),
     )

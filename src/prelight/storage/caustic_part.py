@@ -19,7 +19,6 @@ def caustic_problem(
 
     ``said`` are the layer's parameters and statistics, ``rows`` its receivers.
     """
-    found = {name.removeprefix(f"{at}/"): spec for name, spec in arrays.items() if name.startswith(f"{at}/")}
     photons = said.get("photons", 0)
     if type(photons) is not int or photons < 0:
         return f"{at}: photons are {photons!r}, expected a whole number"
@@ -27,8 +26,14 @@ def caustic_problem(
         value = said.get(number)
         if not isinstance(value, int | float) or isinstance(value, bool) or not 0 <= value <= _LARGEST:
             return f"{at}: the layer does not say its {number}"
+    return sent_on_problem(at, arrays, rows=rows, expected=bool(photons))
+
+
+def sent_on_problem(at: str, arrays: Mapping[str, ArraySpec], *, rows: int, expected: bool) -> str | None:
+    """The same of the arrays alone, whoever found them."""
+    found = {name.removeprefix(f"{at}/"): spec for name, spec in arrays.items() if name.startswith(f"{at}/")}
     if not found:
-        return f"{at}: its arrays are missing" if photons else None
+        return f"{at}: its arrays are missing" if expected else None
     if {name: spec.dtype for name, spec in found.items()} != _TYPES:
         return f"arrays of {at} are not {', '.join(_TYPES)} of their types"
     if found["counts"].shape != [rows] or found["scales"].shape != [rows]:

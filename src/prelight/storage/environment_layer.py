@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .caustic_part import caustic_problem
+from .caustic_part import caustic_problem, sent_on_problem
 from .chunks import ArraySpec
 from .exitant_part import exitant_problem
 
@@ -59,6 +59,9 @@ def environment_problem(
         f"layers/{name}/bounced", said, arrays, groups=order.shape[0] // _GROUP
     )
     problem = problem or caustic_problem(f"layers/{name}/bounced/caustics", said, arrays, rows=rows)
+    problem = problem or sent_on_problem(
+        f"layers/{name}/bounced/metal", arrays, rows=rows, expected=bool(said.get("metal_rays"))
+    )
     return problem or exitant_problem(f"layers/{name}/glossy", said, arrays)
 
 

@@ -21,6 +21,7 @@ from .gap_rays import GapRays, Gaps
 from .gathering_kernels import count_entries, fill_entries
 from .hemisphere import BACK, NOTHING, HemisphereRays
 from .hit_colour import HitColour
+from .metal_rays import MetalRays, Metals, MirroredHits, ToSky, with_albedo
 from .sparse_product import LightBlocks
 from .vantage import vantage_points
 
@@ -70,6 +71,8 @@ class Gathering:
         ``(rows,)`` share of a receiver's rays that end on the back of a surface.
     albedo
         ``(V, 3)`` of the vertices.
+    to_sky
+        Rays that rough metal sends there, if any were to be followed; light of theirs is in no entry.
     """
 
     def __init__(self, scene: Scene, rays: HemisphereRays) -> None:
@@ -79,7 +82,9 @@ class Gathering:
         self.entries = self.bytes = self.rays = 0
         self.seconds = 0.0
         self._triangles = np.ascontiguousarray(scene.triangles)
-        self._colour, self._rays = HitColour(scene), rays
+        self._scene, self._colour, self._rays = scene, HitColour(scene), rays
+        self._channels = 3 if isinstance(rays, MetalRays) else self._colour.channels
+        self.to_sky: list[ToSky] = []
         self._kept: dict[int, _Tile] = {}
         self._rows_at_once = max(1, _RAYS_AT_ONCE // rays.rays)
         self._sends = rays.sends
@@ -96,6 +101,7 @@ class Gathering:
         seed: int = 0,
         memory: int | None = None,
         gaps: Gaps | None = None,
+        metals: Metals | None = None,
         report: Report | None = None,
     ) -> Gathering:
         """Trace the operator of a scene.
@@ -116,6 +122,8 @@ class Gathering:
             each product, to the same bytes.
         gaps
             Of the scene, if rays of its vertices are to be followed out of them.
+        metals
+            Of the scene, if rays are to go on from them as their BSDFs say. Not beside ``gaps``.
         report
             Hears the share done, 0 to 1.
 
@@ -127,6 +135,8 @@ class Gathering:
         sent = HemisphereRays(occluders, scene, origins=origins, normals=normals, rays=rays, seed=seed)
         if gaps is not None:
             sent = GapRays(occluders, scene, gaps, origins=origins, normals=normals, rays=rays, seed=seed)
+        if metals is not None:
+            sent = MetalRays(occluders, scene, metals, origins=origins, normals=normals, rays=rays, seed=seed)
         memory = _half_of_memory() if memory is None else memory
         gathering = cls(scene, sent)
         for first in range(0, gathering.rows, gathering._rows_at_once):
@@ -149,12 +159,16 @@ class Gathering:
             sends = self._sends[tile]
             self.sky[tile] = sends * (hits.triangle == NOTHING).mean(axis=1, dtype=np.float32)
             self.backs[tile] = (hits.triangle == BACK).mean(axis=1, dtype=np.float32)
+            if isinstance(hits, MirroredHits):
+                self.to_sky.append(hits.to_sky)
         counts = np.empty(rows, np.int64)
         count_entries(self._triangles, hits.triangle, counts, self.columns)
         starts = np.concatenate([[0], np.cumsum(counts)])
         columns = np.empty(starts[-1], np.int32)
-        values = np.empty((max(1, self._colour.channels), starts[-1]), np.float32)
+        values = np.empty((max(1, self._channels), starts[-1]), np.float32)
         colours = self._colour.at(hits)
+        if isinstance(hits, MirroredHits):
+            colours = with_albedo(hits, colours, self._scene).weights
         fill_entries(
             self._triangles, hits.triangle, hits.u, hits.v, colours, starts, columns, values, self.columns
         )
@@ -177,7 +191,7 @@ class Gathering:
         V, K, C = B.shape
         if C == 1 and not self.is_grey:
             raise InputError("light", "has one channel, but the scene has colours; give three")
-        albedo_in_entries = self._colour.channels
+        albedo_in_entries = self._channels
         by_channel = albedo_in_entries == 3  # then each has entries of its own
         light = B if albedo_in_entries else B * self.albedo[:, None, :C]
         light = np.moveaxis(light, 2, 0) if by_channel else light.reshape(1, V, K * C)
@@ -191,13 +205,13 @@ class Gathering:
     @property
     def coloured_entries(self) -> int:
         """Channels of the albedo that is in the entries, 1 or 3; 0 where that of the vertices is to be multiplied."""
-        return self._colour.channels
+        return self._channels
 
     @property
     def is_grey(self) -> bool:
         """Whether red, green and blue are reflected alike everywhere."""
-        if self._colour.channels:
-            return self._colour.channels == 1
+        if self._channels:
+            return self._channels == 1
         return bool((self.albedo == self.albedo[:, :1]).all())
 
 

@@ -59,6 +59,24 @@ def specular_materials(scene: Scene) -> np.ndarray:
     return used & np.array([is_specular(material) for material in scene.materials], bool)
 
 
+def rough_metals(scene: Scene) -> np.ndarray:
+    """(materials,) bool: metal that triangles are made of and that photons do not carry, all of it metal."""
+    used = np.zeros(len(scene.materials), bool)
+    used[np.unique(scene.material_of)] = True
+    return used & np.array([_is_metal(m) and not is_specular(m) for m in scene.materials], bool)
+
+
+def _is_metal(material: Material) -> bool:
+    bsdf = material.bsdf
+    while bsdf is not None and bsdf.get("type") in _WRAPPED:
+        bsdf = next((v for v in bsdf.values() if isinstance(v, Mapping) and "type" in v), None)
+    if bsdf is not None:
+        metallic = _number(bsdf, "metallic", 0.0) if bsdf.get("type") == "principled" else 0.0
+        return bsdf.get("type") == "roughconductor" or metallic >= _MOSTLY
+    plain = material.bsdf is None and material.roughness_texture is None
+    return plain and material.metallic >= _MOSTLY
+
+
 def without_specular(scene: Scene) -> Scene:
     """The scene as the operator is to see it: what photons carry is black. The scene itself where there is no such.
 
