@@ -122,14 +122,17 @@ def test_the_reference_finds_the_same_light_sooner_when_it_knows_the_window():
     assert b.mean() == pytest.approx(a.mean(), rel=0.05)
 
 
+@pytest.mark.parametrize("windows", [1, 3])
 @pytest.mark.parametrize("height", [0.5 * HEIGHT, HEIGHT], ids=["below the window", "on its rim"])
-def test_looking_for_a_window_finds_no_more_light_than_there_is(height):
+def test_looking_for_windows_finds_no_more_light_than_there_is(height, windows):
     import drjit as dr
 
     mi = mitsuba()
     window = [[LOW[0], HEIGHT, LOW[1]], [HIGH[0] - LOW[0], 0, 0], [0, 0, HIGH[1] - LOW[1]]]
+    wall = [[9.0, 0.2, 0.0], [0, 2.0, 0], [0, 0, 3.0]]
+    openings = np.array([window, wall, np.add(wall, [[0.0, 0.5, 4.0], [0, 0, 0], [0, 0, 0]])][:windows])
     even = np.ones((6, 4, 4, 3), np.float32)
-    scene = mi.load_dict({"type": "scene", "sky": opening_emitter(mi, even, np.array([window]))})
+    scene = mi.load_dict({"type": "scene", "sky": opening_emitter(mi, even, openings)})
     sampler, count = mi.load_dict({"type": "independent"}), 1 << 16
     sampler.seed(1, count)
     here = dr.zeros(mi.SurfaceInteraction3f, count)

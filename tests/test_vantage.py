@@ -103,6 +103,23 @@ def test_a_post_through_the_middle_of_an_edge_moves_nothing():
     assert (moved(scene_of_rectangles(floor, *post))[:25] == 0).all()
 
 
+@pytest.mark.parametrize("slant", [1.0, 3.0])
+def test_a_vertex_that_only_slanting_edges_lead_to_looks_from_before_the_surface(slant):
+    """The middle of a floor of four triangles, a wall standing on it: as in the plane of a window's glass."""
+    corners = np.array(
+        [[0, 0, 0], [0, 0, 2 * slant], [2, 0, 2 * slant], [2, 0, 0], [1, 0, slant]], np.float64
+    )
+    fan = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]], np.int32)
+    floor = corners, np.tile([0.0, 1.0, 0.0], (5, 1)), fan
+    wall = rectangle((1, -1, -1), (0, 0, 2 * slant + 2), (0, 3, 0), cells=1)  # seen from x < 1
+    scene = scene_of_rectangles(floor, wall)
+    assert scene.normals[5, 0] == -1
+    points = seen_from(scene)
+    assert (points[:2] == scene.positions[:2]).all()
+    before = (1 - points[4, 0]) / ray_offset(scene.positions)
+    assert before == pytest.approx(4, abs=0.1)
+
+
 def test_the_bunny_stays_where_the_tables_were_made(data):
     from prelight.scene.floor import with_floor
     from prelight.scene.loading import load_scene

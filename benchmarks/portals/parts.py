@@ -17,6 +17,7 @@ from beside_three_phase import truth as three_phase_truth
 from measuring import baked, relights
 from sibenik_day import sibenik_day
 from sliding import sliding
+from sun_reference import sun_reference
 
 import rooms
 from prelight.baking.portals_settings import PortalsSettings
@@ -170,5 +171,6 @@ PARTS = {
     "figure-2": figures.figure_2, "figure-refined": figures.figure_refined,
     "box-table": box_table, "choice": choice,
     "orders": _orders_and_plot, "sibenik-table": sibenik_table, "car-table": car_table, "box-million": box_million,
-    "sibenik-day": sibenik_day, "three-phase-truth": three_phase_truth, "three-phase": three_phase, "sliding": sliding,
+    "sibenik-day": sibenik_day, "sun-reference": sun_reference,
+    "three-phase-truth": three_phase_truth, "three-phase": three_phase, "sliding": sliding,
 }  # fmt: skip

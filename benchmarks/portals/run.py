@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+import sibenik_day
 import three_phase
 from parts import PARTS
 
@@ -18,9 +20,13 @@ def main() -> None:
         data="folder with bunny/, sibenik/ and skies/",
     )
     parser.add_argument("--radiance", type=Path, help="folder of the pyradiance package, for three-phase")
-    options = parser.parse_args()
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="of tracing sibenik-day's reference this time"
+    )
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     three_phase.FOLDER = options.radiance
+    sibenik_day.MINUTES = options.minutes
     options.work.mkdir(parents=True, exist_ok=True)
     measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))
 

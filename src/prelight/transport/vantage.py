@@ -21,7 +21,7 @@ from .sparse_product import aligned
 _INSET = 4.0  # offsets of a ray's origin from its surface: how far from an edge a vantage point is
 _TOUCH = 0.25  # offsets: a ray that begins nearer to a surface, or behind it, begins on it
 _ASIDE = 0.37  # offsets beside an edge that rays go, lest they meet another mesh just between its triangles
-_SHARP = 4.0  # insets a vantage point is moved at most, where two edges meet at a small angle
+_SHARP = 4.0  # insets a vantage point is moved at most, where edges meet at a small angle
 _OF_EDGE = 0.25  # of its shortest edge it is moved at most
 _LANES = 1 << 22
 
@@ -57,7 +57,7 @@ class _Probe:
         self._mi, self._scene = occluders.mi, occluders.scene
         self.offset = ray_offset(occluders.positions)
         self.inset, self.touch = _INSET * self.offset, _TOUCH * self.offset
-        self._lit_sides = lit_sides(scene)
+        self.lit_sides = lit_sides(scene)
 
     def meet(self, origins: np.ndarray, directions: np.ndarray, reach: np.ndarray) -> _Met:
         """First hits of rays (n, 3) with unit directions, no farther than ``reach`` (n,)."""
@@ -67,7 +67,7 @@ class _Probe:
         ]
         distance, triangle = (np.concatenate(a) for a in zip(*parts, strict=True)) if parts else ((), ())
         triangle = np.asarray(triangle, np.int64)
-        facing = np.einsum("ij,ij->i", self._lit_sides[triangle], directions) < 0
+        facing = np.einsum("ij,ij->i", self.lit_sides[triangle], directions) < 0
         return _Met(np.asarray(distance, np.float64), triangle, facing & (triangle >= 0))
 
     def _launch(self, origins: np.ndarray, directions: np.ndarray, reach: np.ndarray) -> tuple[Any, Any]:
@@ -118,20 +118,29 @@ def _before_surfaces(scene: Scene, probe: _Probe, points: np.ndarray) -> np.ndar
     length = np.linalg.norm(way, axis=1)
     way /= np.maximum(length, 1e-30)[:, None]
     aside = _ASIDE * probe.offset * np.cross(scene.normals[start], way)
-    met = probe.meet(lifted[start] + aside, way, length + probe.touch)
+    met = probe.meet(lifted[start] + aside, way, length + probe.inset)
     found = (met.triangle >= 0) & ~_near(scene, met.triangle, start) & ~_near(scene, met.triangle, end)
     other = np.roll(np.arange(len(start)), len(ends))  # the same edge from its other end
-    through = found & met.lit
-    on_it = np.abs(met.distance - length) <= probe.touch
-    behind = (met.distance < length) & found[other] & ~met.lit[other]
-    chosen = np.flatnonzero(through & (on_it | behind))
+    through, reached = found & met.lit, found & (met.distance <= length + probe.touch)
+    left = length - met.distance
+    on_it = np.abs(left) <= probe.touch
+    behind = (left > 0) & reached[other] & ~met.lit[other]
+    # A ray beside a slanting edge meets the surface sooner or later than the edge does.
+    aslant = through & ~on_it & ~behind & (np.abs(left) <= probe.inset)
+    back = np.full(len(start), probe.inset)
+    at = np.flatnonzero(aslant)
+    plane, rest = probe.lit_sides[met.triangle[at]], left[at, None] * way[at] - aside[at]
+    aslant[at] = np.abs(np.einsum("ij,ij->i", rest, plane)) <= probe.touch
+    steep = np.maximum(np.abs(np.einsum("ij,ij->i", way[at], plane)), 1 / _SHARP)
+    back[at] = probe.inset / steep - left[at]
+    chosen = np.flatnonzero(through & (on_it | behind | aslant))
     if len(chosen) == 0:
         return points
-    # The surface nearest to a vertex; of equally near ones that of the first edge.
-    chosen = chosen[np.lexsort((chosen, (length - met.distance)[chosen], end[chosen]))]
+    # The surface nearest to a vertex, those last that only slanting edges reach; of equals that of the first edge.
+    chosen = chosen[np.lexsort((chosen, left[chosen], aslant[chosen], end[chosen]))]
     moved, first = np.unique(end[chosen], return_index=True)
     chosen = chosen[first]
-    distance = np.maximum(met.distance[chosen] - probe.inset, met.distance[chosen] / 2)
+    distance = np.maximum(met.distance[chosen] - back[chosen], met.distance[chosen] / 2)
     out = points.copy()
     out[moved] = lifted[start[chosen]] + distance[:, None] * way[chosen] - probe.offset * scene.normals[moved]
     return out
