@@ -23,7 +23,7 @@ def main() -> None:
     )
     parser.add_argument("--radiance", type=Path, help="folder of the pyradiance package, for that part")
     parser.add_argument("--table", action="store_true", help="only print what the results say, in Markdown")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     if options.table:

@@ -35,7 +35,7 @@ def main() -> None:
         work="where the bakes go: about 6 GB",
         data="folder with bunny/, dragon/, probes/ and skies/",
     )
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))

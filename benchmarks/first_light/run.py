@@ -226,7 +226,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--name", default="2-core")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     options.work.mkdir(parents=True, exist_ok=True)
 
     scene = pl.load_scene(options.bunny, floor=3)

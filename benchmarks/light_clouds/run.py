@@ -179,7 +179,7 @@ def main() -> None:
     parser = parts_parser(
         __doc__, PARTS, work="where bakes are kept: some gigabytes", data="folder with sponza/"
     )
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     parts = PARTS | {"growth": partial(growth_plot, results)}

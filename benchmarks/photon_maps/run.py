@@ -25,7 +25,7 @@ def main() -> None:
     parser.add_argument(
         "--small", action="store_true", help="in seconds, to see that it runs; nothing is kept"
     )
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     measure_parts(

@@ -15,7 +15,7 @@ PARTS = {"capture": capturing.run, "frame": frames.run, "passing": passing.run}
 
 def main() -> None:
     parser = parts_parser(__doc__, PARTS, work="where meshes and a bake are kept", data="folder with city/")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     results = Path(__file__).parent / "results" / options.name
     options.work.mkdir(parents=True, exist_ok=True)
     measure_parts(PARTS, options.parts, results, call=lambda part: part(options.data, options.work))

@@ -22,7 +22,7 @@ import websockets
 
 import prelight as pl
 from prelight.scene.normals import vertex_normals
-from prelight.studio.frames import FRAME_EXACT, FrameHeader
+from prelight.studio.frames import FRAME_EXACT, HEADER_BYTES, FrameHeader
 from prelight.studio.protocol import (
     PROTOCOL_VERSION,
     ClientMessage,
@@ -99,6 +99,8 @@ class Visit:
     updates: list[float] = field(default_factory=list)
     relight: list[float] = field(default_factory=list)
     size: int = 0
+    coarse: bytes = b""  # the last frame that was not exact
+    coarse_error: float = 0.0  # RMS of what the exact one of the same state showed
     exact: asyncio.Event = field(default_factory=asyncio.Event)
 
     def saw(self, frame: bytes) -> int:
@@ -108,9 +110,26 @@ class Visit:
         self.size = len(frame)
         for sequence in [s for s in self.sent if s <= header.sequence]:
             self.latencies.append(now - self.sent.pop(sequence))
-        if header.flags & FRAME_EXACT and header.sequence == self.sequence:
+        if not header.flags & FRAME_EXACT:
+            self.coarse = frame
+        elif header.sequence == self.sequence:
+            if self.coarse and FrameHeader.read(self.coarse).sequence == self.sequence:
+                self.coarse_error = difference(self.coarse, frame)
             self.exact.set()
         return header.frame
+
+
+def difference(coarse: bytes, exact: bytes) -> float:
+    """RMS of two frames' difference over the RMS of the second."""
+    a, b = radiance_of(coarse), radiance_of(exact)
+    return float(np.sqrt(((a - b) ** 2).mean() / max((b**2).mean(), 1e-30)))
+
+
+def radiance_of(frame: bytes) -> np.ndarray:
+    """(rows, 3) of a radiance frame, as a page reads it."""
+    words = np.frombuffer(frame, np.uint32, offset=HEADER_BYTES)
+    step = np.exp2((words >> 27).astype(np.float64) - 24)
+    return np.stack([(words >> 9 * c & 511) * step for c in range(3)], axis=1)
 
 
 async def dragged(
@@ -139,13 +158,18 @@ async def dragged(
         for warm in range(10):  # threads of the kernels find their pace
             await change(socket, visit, edit(warm))
             await asyncio.sleep(0.05)
+        while visit.sent:  # a world is read, a tree of boxes built: once, and not while a hand drags
+            await asyncio.sleep(0.01)
         for notes in (visit.latencies, visit.updates, visit.relight):
             notes.clear()
+        visit.exact.clear()
+        visit.coarse_error = 0.0
         began = time.perf_counter()
         for k in range(int(seconds * RATE)):
             await asyncio.sleep(max(0.0, began + k / RATE - time.perf_counter()))
             await change(socket, visit, edit(10 + k))
         took = time.perf_counter() - began
+        last = time.perf_counter()
         await asyncio.sleep(0.1)
         for _ in range(100):  # ten seconds, where one update takes longer than the whole drag
             if visit.latencies:
@@ -153,6 +177,8 @@ async def dragged(
             await asyncio.sleep(0.1)
         latencies, relight = np.array(visit.latencies) * 1e3, list(visit.relight)
         delivered = sum(at <= began + took for at in visit.updates)
+        await visit.exact.wait()
+        rested, error = time.perf_counter() - last, visit.coarse_error
         visit.exact.clear()
         await change(socket, visit, SetEnvironment("stock:sunset", 0.0, 1.0, (1.0, 1.0, 1.0)))
         if isinstance(edit(0), SetDisc):
@@ -164,6 +190,8 @@ async def dragged(
         "latency_ms_median": float(np.median(latencies)),
         "latency_ms_p95": float(np.quantile(latencies, 0.95)),
         "relight_ms_median": statistics.median(relight),
+        "coarse_error": error,
+        "exact_after_ms": rested * 1e3,
         "frame_bytes": visit.size,
     }
 

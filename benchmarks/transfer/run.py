@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=np.inf, help="after which references stop for now")
     parser.add_argument("--updates", type=int, default=60)
     parser.add_argument("--trial", action="store_true", help="print the results and keep nothing")
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     options.work.mkdir(parents=True, exist_ok=True)
     results = Path(__file__).parent / "results" / options.name
     measure_parts(PARTS, options.parts, results, call=lambda part: part(options), keep=not options.trial)
