@@ -14,7 +14,7 @@ from prelight.camera import Camera
 from prelight.encoding.principal_components import Keep
 from prelight.lighting.places import Place
 from prelight.relighting.steerable_layer import SteerableLayer
-from prelight.relighting.stored_steerable import KIND
+from prelight.relighting.takers import STEERABLE
 
 SIDE = 40  # pixels; not a multiple of a block
 ABOVE = (0.0, 1.5, 0.0)
@@ -83,5 +83,5 @@ def panel_layer(harmonics: int = 2, *, name: str = "soft", keep: Keep | str | No
 def bake_of(name: str) -> SimpleNamespace:
     """What commands ask of an opened bake with one steerable layer, whose components come from elsewhere."""
     eye = SimpleNamespace(name="front", view=Camera((0.0, 0.0, 3.0), (0.0, 0.0, 0.0)).to_dict())
-    layer = SimpleNamespace(kind=KIND, camera=eye)
+    layer = SimpleNamespace(kind=STEERABLE, camera=eye)
     return SimpleNamespace(path=Path("a.prelight"), layers={name: layer}, manifest=SimpleNamespace(arrays={}))

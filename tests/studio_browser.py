@@ -27,6 +27,11 @@ _PIXELS = """() => {
   return {width, height, data: btoa(text)};
 }"""
 
+_RESTED = """async () => {
+  await Promise.allSettled(document.getAnimations().map((one) => one.finished));
+  for (let picture = 0; picture < 2; picture++) await new Promise(requestAnimationFrame);
+}"""
+
 
 @contextmanager
 def chromium() -> Iterator[Any]:
@@ -65,6 +70,12 @@ class Visit:
     def settled(self, *, after: int = 0) -> None:
         """Wait for the exact light of all that was changed here, and of a state no older than this sequence."""
         self.until(f"window.__prelight?.settled() && __prelight.metrics.shownSequence >= {after}")
+
+    def rested(self) -> None:
+        """Wait until nothing on the page moves any more: all pictures that are wanted are drawn, and handles follow."""
+        self.settled()
+        self.until("__prelight.resting()")
+        self.page.evaluate(_RESTED)
 
     def pixels(self) -> np.ndarray:
         """What the canvas shows, (height, width, 3) bytes, the top row first."""

@@ -275,18 +275,21 @@ def test_a_bounce_by_its_few_entries(rng):
     left = left_shares(order, np.ones(len(order), np.float32))
     np.testing.assert_allclose(halves(light, order, left)[0], light.mean(axis=0), rtol=1e-5)
     place = np.argsort(order).astype(np.int32)
-    tile = next(gathering.tiles())
+    tile, least = next(gathering.tiles()), np.float32(0)
     matrix = tile.starts, tile.columns, tile.values[0]
     for threshold, tolerance in ((1e-7, 0.006), (1e-2, None)):
         counts, sums, scales, steps, codes = thinned(matrix, (place, left), threshold)
         starts = np.concatenate([[0], np.cumsum(counts)])
         out = np.empty((len(counts), 3), np.float32)
-        multiply_rows((starts, steps, codes, sums, scales), nodes_of(light * 0 + 1, order, left), out)
+        multiply_rows((starts, steps, codes, sums, scales), nodes_of(light * 0 + 1, order, left), least, out)
         np.testing.assert_allclose(out, np.repeat(sums[:, None], 3, axis=1), rtol=1e-5)
         if tolerance:
-            multiply_rows((starts, steps, codes, sums, scales), nodes_of(light, order, left), out)
+            multiply_rows((starts, steps, codes, sums, scales), nodes_of(light, order, left), least, out)
             full = gathering.bounce(np.ascontiguousarray((light / scene.albedo)[:, None]))[:, 0]
             np.testing.assert_allclose(out, full, rtol=0, atol=tolerance * full.max())
+            rows, there = (starts, steps, codes, sums, scales), out.copy()
+            multiply_rows(rows, nodes_of(-light, order, left), np.float32(-np.inf), out)
+            np.testing.assert_allclose(out, -there, atol=1e-4 * full.max())  # light that is taken away
 
 
 def nodes_of(light: np.ndarray, order: np.ndarray, left: np.ndarray) -> np.ndarray:

@@ -49,6 +49,32 @@ def test_frost_turns_light_by_the_angle_it_says(direction, frost) -> None:
     assert abs(blurred[ring].mean() / peak - 0.5) < 0.08
 
 
+@pytest.mark.parametrize("frost", [5.0, 15.0])
+def test_frost_is_the_mean_over_every_cell(rng, frost) -> None:
+    """Against all pairs of cells: none is passed over that is near enough to count."""
+    light = rng.random((6, 16, 16, 3)).astype(np.float32) ** 8
+    cells = np.arange(6 * 256, dtype=np.int32)
+    towards = cube_map.texel_directions(cells, 16).astype(np.float64)
+    angle = np.degrees(np.arccos(np.clip(towards @ towards.T, -1, 1)))
+    weight = np.exp(-0.5 * (angle / frost) ** 2) * (angle < 4 * frost)
+    weight *= np.tile(cube_map.solid_angles(16).ravel(), 6)
+    weight[:, towards[:, 1] < 0] = 0
+    known = weight @ light.reshape(-1, 3) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
+    found = frosted(light, frost, np.float32([0, 1, 0]), cells_per_sigma=100.0).reshape(-1, 3)
+    ahead = towards[:, 1] >= 0
+    assert np.abs(found - known)[ahead].max() < 1e-3 * known.max()
+
+
+@pytest.mark.parametrize("frost", [8.0, 14.0])
+def test_a_sun_stays_where_it_is_while_a_hand_drags(frost) -> None:
+    """Cells are larger then, but light in them is where it was."""
+    light = np.zeros((6, 32, 32, 3), np.float32)
+    light[2, 9, 5] = 500.0
+    glass, outward = Glass("a", "frosted", None, frost), np.zeros(3, np.float32)
+    exact, rough = (through_glass(light + 0.1, glass, outward, roughly=quick) for quick in (False, True))
+    assert np.sqrt(((rough - exact) ** 2).mean() / (exact**2).mean()) < 0.02
+
+
 def test_without_frost_nothing_changes() -> None:
     light = spot((1, 2, 3))
     assert frosted(light, 0.0) is light

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,8 +23,17 @@ from prelight.relighting.steerable_bake import SteerableBake
 from prelight.scene.loading import load_scene
 from prelight.storage.bake import Bake
 from prelight.storage.joining import add_layers
+from prelight.studio.environments import Environments
+from prelight.studio.lighting import lighting_of
+from prelight.studio.lit_rows import View
+from prelight.studio.protocol import SetEnvironment, SetLamp, State
+from prelight.studio.protocol_values import LampLight
+from prelight.studio.rig_state import changed, initial
+from prelight.studio.shown import Shown
 from prelight.transport.basis_images import ImageSettings
 from prelight.transport.steered_lamps import SteeredSpot
+
+from .test_studio_rgb9e5 import unpacked
 
 W, H = 20, 14
 LAMP = SteeredSpot((0.5, 1.5, 1.0), 1)
@@ -50,6 +61,8 @@ def folder(scene, tmp_path_factory):
         scene, out / "both.prelight", receivers="pixels", width=W, height=H, pixel_samples=1, **options
     )
     add_layers(out / "both.prelight", out / "lamp.prelight")
+    bake_environment(scene, out / "lit.prelight", **options)
+    add_layers(out / "lit.prelight", out / "lamp.prelight")
     return out
 
 
@@ -108,3 +121,52 @@ def test_eyes_that_differ_do_not_add(folder, scene, tmp_path):
     add_layers(tmp_path / "wide.prelight", folder / "lamp.prelight")
     with pytest.raises(InputError, match="of different eyes or sizes"):
         LitBake(Bake.open(tmp_path / "wide.prelight"))
+
+
+# ---- In the studio -----------------------------------------------------------------------------------------------
+
+EVEN = changed(initial("stock:overcast"), SetEnvironment(rotation_deg=40.0, scale=0.5), author=None)
+KEY = LampLight(
+    "k", "Key", "spot", True, LAMP.position, (0.0, 0.0, 0.0), 900.0, 1.0, (1.0, 1.0, 1.0), 0.0, 40.0, (0.5, 0.5),
+    layer="key",
+)  # fmt: skip
+
+
+def shown(bake: Bake, state: State) -> tuple[np.ndarray, np.ndarray, View]:
+    """What the studio sends of a state: vertices, pixels, and what depends on the eye."""
+    light = lighting_of(bake, Environments())
+    assert light.relight(state, exact=True, check=lambda: None)[0]
+    rows = unpacked(np.frombuffer(light.frame(state), np.uint32, offset=32))
+    assert len(rows) == light.rows == Shown(bake).rows
+    eye = Shown(bake).cameras[0].eye
+    return *np.split(rows, [len(bake.receivers)]), light.view(state, eye)
+
+
+def test_the_studio_adds_pixels_of_a_sky_and_a_lamp(folder):
+    """Dark vertices; the pixels are those of the sky alone and of the lamp alone."""
+    bake, alone = Bake.open(folder / "both.prelight"), Relighter(folder / "pixels.prelight")
+    view = Shown(bake).steered
+    assert view is not None
+    assert (view.camera.name, view.width, view.height) == ("front", W, H)
+    alone.environment = Environments().open("stock:overcast").rotated(40.0).scaled(0.5)
+    dark, sky, _ = shown(bake, EVEN)
+    _, both, _ = shown(bake, changed(EVEN, SetLamp(KEY), author=None))
+    _, lamp, _ = shown(bake, changed(replace(EVEN, scale=0.0), SetLamp(KEY), author=None))
+    assert not dark.any()
+    step = 2.0**-8 * both.max()
+    assert np.abs(sky - alone.radiance).max() < step
+    assert lamp.mean() > 0.01 * both.mean()
+    assert np.abs(both - sky - lamp).max() < 3 * step
+
+
+def test_the_studio_shows_vertices_of_an_eye_among_others(folder):
+    """Lambertian rows as irradiance, the others as light toward the eye: together what the layer alone says."""
+    bake, alone = Bake.open(folder / "lit.prelight"), Relighter(folder / "vertices.prelight")
+    alone.environment = Environments().open("stock:overcast").rotated(40.0).scaled(0.5)
+    rows, pixels, view = shown(bake, EVEN)
+    assert Shown(bake).glossy
+    assert not pixels.any()
+    assert view.shine is not None
+    found = rows * bake.receivers.albedo + view.shine[:, :3]
+    np.testing.assert_allclose(found, alone.radiance, atol=2.0**-8 * found.max())
+    assert not rows[np.setdiff1d(np.arange(len(rows)), alone.lambertian)].any()

@@ -78,9 +78,13 @@ def test_products_are_those_of_the_rows(rng) -> None:
     known = rows.dense(np.arange(len(rows))) @ shell.reshape(-1, 3)
     assert np.allclose(rows.times(shell.reshape(-1, 3)), known, rtol=1e-4)
     out = np.full((len(rows), 3), -1, np.float32)
-    lit(rows.layer(), light_tables(shell), out, 5, len(rows))
+    lit(rows.layer(), [(light_tables(shell), out)], 5, len(rows))
     assert np.allclose(out[5:], known[5:], rtol=1e-4)
     assert (out[:5] == -1).all(), "rows that were not asked for stay"
+    other, one, two = rng.random((6, R, R, 3)).astype(np.float32), np.empty_like(out), np.empty_like(out)
+    lit(rows.layer(), [(light_tables(shell), one), (light_tables(other), two)], 0, len(rows))
+    assert (one[5:] == out[5:]).all(), "beside another light as alone"
+    assert np.allclose(two, rows.times(other.reshape(-1, 3)), rtol=1e-4)
 
 
 def test_one_column_is_not_changed_by_its_product(rng) -> None:

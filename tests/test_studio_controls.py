@@ -71,6 +71,12 @@ def test_a_panel_and_the_radius_of_a_lamp(visit):
     soft = linear(visit) - before
     assert soft[RIGHT].mean() > hard[RIGHT].mean() + 0.005
     assert mean(soft)[1] < 2 * mean(hard)[1]
+    for kind in ("Spot", "Panel"):  # both are aimed away from the ball
+        changed(visit, page.get_by_role("radio", name=kind, exact=True).click)
+        set_number(visit, "Aim, m x", -4.0 - len(kind))
+        assert look(visit)["lamps"][0]["kind"] == kind.lower()
+        aimed = linear(visit) - before
+        assert aimed[RIGHT].mean() < 0.5 * soft[RIGHT].mean()
 
 
 def test_the_sun_by_day_haze_place_and_clock(visit):
@@ -92,6 +98,12 @@ def test_the_sun_by_day_haze_place_and_clock(visit):
     assert mean(linear(visit))[1] < 0.5 * june[1], "winter there"
     set_number(visit, "Place N °", 43.74)
     clock = page.get_by_label("Clock: a zone such as Europe/Zagreb")
+    clock.fill("Europe/Zagreb")
+    changed(visit, lambda: clock.press("Enter"))
+    assert mean(linear(visit))[1] > 0.7 * june[1]
+    set_number(visit, "Place E °", -164)
+    assert mean(linear(visit)).max() < 0.02, "as far round the world it is night when it is noon in Zagreb"
+    set_number(visit, "Place E °", 15.89)
     clock.fill("Pacific/Auckland")
     changed(visit, lambda: clock.press("Enter"))
     assert mean(linear(visit)).max() < 0.02, "noon there is midnight here"
@@ -122,3 +134,8 @@ def test_a_soft_light_by_its_size_its_softness_and_its_colour(visit):
     assert blue[GROUND][..., 2].mean() > 1.5 * blue[GROUND][..., 0].mean()
     changed(visit, lambda: visit.slide("Lights in the sky", "Strength", -6))
     assert (linear(visit) - dark)[GROUND].mean() < 0.05 * blue[GROUND].mean() + 0.005
+    changed(visit, lambda: visit.slide("Lights in the sky", "Strength", 0))
+    assert (linear(visit) - dark)[GROUND].mean() > 0.5 * blue[GROUND].mean()
+    lights = page.get_by_role("region", name="Lights in the sky")
+    changed(visit, lights.get_by_role("button", name="Remove", exact=True).click)
+    assert np.abs(linear(visit) - dark).mean() < 0.003

@@ -195,6 +195,9 @@ def test_looks_side_by_side_and_cross_faded(visit):
     page.get_by_role("radio", name="Cross-fade").click()
     visit.slide("Looks", "Right side", 25)
     assert np.abs(linear(visit) - (0.75 * now + 0.25 * first)).mean() < 0.005
+    visit.slide("Looks", "Right side", 50)
+    page.get_by_role("radio", name="Side by side").click()
+    assert np.abs(linear(visit) - both).mean() < 0.003
     page.get_by_role("button", name="Done").click()
     assert np.abs(linear(visit) - now).mean() < 0.003
     changed(visit, page.get_by_role("button", name="Grey day", exact=True).click)

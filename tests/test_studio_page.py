@@ -71,8 +71,14 @@ def test_auto_exposure_is_that_of_the_pictures(browser, rng):
     colours = 2.0 ** rng.uniform(-7, -3, (ROWS * COLUMNS, 1)) * np.ones(3)
     with serving(patches(colours, state=state(stops=4.0))) as studio, visiting(browser, studio.url) as visit:
         visit.settled()
+        visit.page.get_by_role("button", name="Auto").click()  # sees what the panel leaves free
+        free = visit.page.get_by_role("slider", name="Exposure").input_value()
         bare(visit)
         visit.page.keyboard.press("a")
+        assert float(free) == pytest.approx(
+            float(visit.page.get_by_role("slider", name="Exposure", include_hidden=True).input_value()),
+            abs=0.5,
+        )
         shown = middles(visit.pixels())
         stops = exposure_for(unpacked(studio_words(studio)).reshape(1, -1, 3).astype(np.float32))
         bytes_per_stop = 60

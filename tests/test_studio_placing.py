@@ -107,8 +107,10 @@ def test_a_light_in_the_sky_goes_where_its_highlight_is_clicked(visit):
     floor, eye = met(visit, place), np.array(page.evaluate("() => __prelight.eye()"))
     changed(visit, lights.get_by_role("button", name="Add a light").click)
     lights.get_by_role("button", name="Highlight").click()
+    before = linear(visit)
     changed(visit, lambda: page.mouse.click(*place))
     page.keyboard.press("Escape")
+    assert np.abs(linear(visit) - before).max() > 0.05  # the ball's shadow is elsewhere
     (disc,) = look(visit)["discs"]
     ray = (floor - eye) / np.linalg.norm(floor - eye)
     mirrored = ray * (1, -1, 1)  # at the floor

@@ -13,6 +13,7 @@ from prelight.errors import InputError
 from prelight.studio import protocol, rig_state, typescript
 from prelight.studio.frames import FrameHeader
 from prelight.studio.protocol import (
+    LARGEST_MESSAGE,
     ClientMessage,
     Compare,
     Hello,
@@ -53,6 +54,7 @@ MESSAGES = [
     SetGlass(PortalGlass("rose", "frosted", None, 20.0, 0.5)),
     Undo(), Redo(), SaveLook("One"), ShowLook("One"), RemoveLook("One"), Compare("One"), Compare(None),
     OpenRig("[environment]"),
+    Compare("Look", (0.5, 1.0, -2.0)),
     SetWorld("drive.toml", 2.5, dragging=True), SetWorld(None), SetTimeline((LookKey(0.0, "One"), LookKey(2.5, "Two"))),
     LookFrom((0.0, 1.5, -2.0)), Trace((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 35.0, 640, 360), StopTrace(),
 ]  # fmt: skip
@@ -198,6 +200,15 @@ def test_three_hundred_bad_messages_are_refused_by_name() -> None:
         assert len(line) <= 300
         if text.startswith('{"type":"Set') and "NaN" not in text and "Infinity" not in text:
             assert line.startswith(("Set", "message")), line
+
+
+def test_a_message_that_is_too_long_is_not_even_read() -> None:
+    """Also where nothing before has looked at its length, as in a notebook."""
+    text = encode(OpenRig("x"))
+    padded = text + " " * (LARGEST_MESSAGE - len(text))
+    assert decode(padded) == OpenRig("x")
+    with pytest.raises(InputError, match="65,537 characters"):
+        decode(padded + " ")
 
 
 def test_ten_thousand_discs_are_never_alight() -> None:

@@ -9,12 +9,15 @@ import pytest
 
 from prelight.cli.studio import path_tracer
 from prelight.images.tonemap import srgb_decode
+from prelight.lighting.rig import Rig
 
 from .live_studio import running
 from .studio_bakes import lamps_bake
 from .studio_browser import Visit, chromium, visiting
 from .test_studio_lamps import linear, look, set_number
 from .test_studio_live import LEFT, RIGHT, changed, link, scene_alone
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +51,15 @@ def test_a_lamps_colour_and_a_spots_beam(visit):
     for name, value in (("Place, m y", 2.0), ("Aim, m x", -0.7), ("Aim, m z", 0.4), ("Aim, m y", 0.0)):
         set_number(visit, name, value)
     set_number(visit, "At full cd", 1500)
-    changed(visit, lambda: page.get_by_label("Colour of the lamp").fill("#2040ff"))
-    blue = linear(visit) - before
-    assert blue[LEFT][..., 2].mean() > 2 * blue[LEFT][..., 0].mean() > 0
+    white = (linear(visit) - before)[LEFT].mean(axis=(0, 1))
+    changed(visit, lambda: page.get_by_label("Colour of the lamp").fill("#c08040"))
+    ours = (linear(visit) - before)[LEFT].mean(axis=(0, 1)) / white  # the floor's own colour is gone
+    picked = srgb_decode(np.array([0xC0, 0x80, 0x40], np.uint8)).astype(float)
+    assert ours == pytest.approx(picked / (picked @ LUMINANCE), rel=0.1)  # as bright as before
+    changed(visit, lambda: visit.slide("Lamps", "Warmth", 9000))
+    cool = (linear(visit) - before)[LEFT].mean(axis=(0, 1)) / white
+    assert cool @ LUMINANCE == pytest.approx(1, rel=0.1)
+    assert cool[2] > 1.1 > 0.97 > cool[0]
     assert page.get_by_role("switch", name="Spot 1 is lit").evaluate(
         "e => e.style.getPropertyValue('--light')"
     )
@@ -120,11 +129,47 @@ def test_keys_do_what_the_sheet_says(visit):
     undone(visit)
 
 
+def test_a_timeline_is_saved_as_a_rig_that_fades(visit, tmp_path):
+    """Half way the page shows half of the lamp, and so does the file."""
+    page, line = visit.page, visit.page.get_by_role("region", name="Timeline")
+    before = linear(visit)
+    changed(visit, page.get_by_role("button", name="Add lamp").click)
+    changed(visit, page.get_by_role("button", name="Keep", exact=True).click)
+    changed(visit, lambda: visit.slide("Lamps", "Dimmer", 0))
+    changed(visit, page.get_by_role("button", name="Keep", exact=True).click)
+    for _ in range(2):
+        changed(visit, line.get_by_role("button", name="Add key").click)
+    assert [key["look"] for key in look(visit)["timeline"]] == ["Look 1", "Look 2"]
+    shown = []
+    for seconds in (0, 1):
+        visit.slide("Timeline", "Time", seconds)
+        visit.until("__prelight.metrics.sides")
+        shown.append((linear(visit) - before)[LEFT].mean())
+    assert shown[0] > 0.01
+    assert shown[1] == pytest.approx(shown[0] / 2, rel=0.1)
+    with page.expect_download() as download:
+        line.get_by_role("button", name="Save as rig").click()
+    assert download.value.suggested_filename == "timeline.toml"
+    download.value.save_as(tmp_path / "timeline.toml")
+    rig = Rig.open(str(tmp_path / "timeline.toml"))
+    first, half = (rig.at(seconds).lamps[0].lights[0] for seconds in (0.0, 1.0))
+    assert np.divide(half.beam.intensity, first.beam.intensity) == pytest.approx(0.5)
+    page.evaluate("() => document.activeElement?.blur()")
+    page.keyboard.press("t")  # plays to the end, where the lamp is dark
+    line.get_by_role("button", name="Play").wait_for()
+    assert np.abs(linear(visit) - before)[LEFT].mean() < 0.1 * shown[0]
+    line.get_by_role("button", name="Live").click()
+    with page.expect_download() as download:
+        page.keyboard.press("p")
+    assert download.value.suggested_filename.endswith(".png")
+    undone(visit)
+
+
 def test_luminance_in_false_colour_is_683_times_radiance(visit):
     """Red is the top of the legend: where that is what the floor has, it is red; a thousand times more, it is blue."""
     page = visit.page
     changed(visit, lambda: visit.slide("Sky", "Strength", 0))
-    floor = np.median(linear(visit)[LEFT] @ [0.2126, 0.7152, 0.0722]) * 683
+    floor = np.median(linear(visit)[LEFT] @ LUMINANCE) * 683
     page.get_by_role("radio", name="cd/m²").click()
     exponent = np.floor(np.log10(floor))  # the legend ends at 1, 2 or 5 times a power of ten
     visit.slide("Picture", "Red is", exponent)

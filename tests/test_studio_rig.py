@@ -19,6 +19,7 @@ from prelight.studio.environments import Environments, daylight_id, daylight_of
 from prelight.studio.history import History
 from prelight.studio.kinds import takes_of
 from prelight.studio.light import Light
+from prelight.studio.lighting import lighting_of
 from prelight.studio.placed import placed_light
 from prelight.studio.protocol import (
     OpenRig,
@@ -37,7 +38,7 @@ from prelight.studio.protocol import (
 )
 from prelight.studio.protocol_values import LampLight, PortalGlass
 from prelight.studio.rig_toml import opened_rig, rig_text
-from prelight.studio.whole_light import WholeLight, lighting_of
+from prelight.studio.whole_light import WholeLight
 
 from .live_studio import ball_bake
 from .studio_bakes import lamps_bake
@@ -124,6 +125,13 @@ def test_a_lamp_is_a_change_of_its_own(bake) -> None:
     assert not lit(light, dark).any()
     bluer = lit(light, after(SetLamp(replace(BULB, color=(0.5, 1.0, 2.5))), start=dark))
     assert bluer[:, 2].sum() > 2 * one[:, 2].sum()
+
+
+def test_a_dimmer_is_a_factor(bake) -> None:
+    light, dark = WholeLight(bake, Environments()), SetEnvironment(scale=0.0)
+    full, part = (lit(light, after(dark, SetLamp(replace(BULB, dim=dim)))) for dim in (1.0, 0.25))
+    assert np.abs(part - 0.25 * full).max() < 2.0**-7 * full.max()
+    assert part.mean() > 0
 
 
 def test_what_is_seen_depends_on_the_state_alone(bake) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from prelight.images.tonemap import srgb_decode
-from prelight.studio.frames import FRAME_ASIDE, FRAME_SHINE, FRAME_TRACED, FRAME_VIEW, FRAME_WORLD
+from prelight.studio.frames import FRAME_ASIDE, FRAME_TRACED, FRAME_VIEW, FRAME_WORLD
 
 from .studio_browser import HEIGHT, WIDTH, chromium, visiting
 from .studio_stand_in import COLUMNS, ROWS, STRAIGHT, StandIn, framed, packed, patches, serving
@@ -40,47 +40,6 @@ def linearly(visit) -> None:
     visit.page.get_by_role("radio", name="Linear").click()
     visit.slide("Picture", "Exposure", 0)
     visit.page.evaluate("() => document.activeElement.blur()")
-
-
-def shining(studio: StandIn) -> None:
-    """Half of the squares add a red that tells where the eye is; the others take off a quarter of their light."""
-    rows = 4 * SQUARES
-    half = np.arange(rows) < rows // 2
-
-    def view(message):
-        red = 0.1 + 0.2 * (message["eye"][0] > 1)
-        halves = np.zeros((rows, 4), "<f2")
-        halves[half, 0] = red
-        halves[~half, :3] = -0.1
-        return [framed(halves, FRAME_VIEW | FRAME_SHINE)]
-
-    studio.replies["LookFrom"] = view
-    studio.welcome["glossy"] = True
-
-
-def test_gloss_is_added_as_it_is_seen_from_where_one_stands(browser):
-    studio = patches(np.full((SQUARES, 3), 0.4))
-    shining(studio)
-    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
-    with serving(studio), visiting(browser, studio.url) as visit:
-        linearly(visit)
-        visit.until("__prelight.metrics.views", lambda count: count >= 1)
-        shown = seen(visit)
-        assert shown[: SQUARES // 2, 0].mean() == pytest.approx(0.5, abs=0.01)
-        assert shown[SQUARES // 2 :].mean() == pytest.approx(0.3, abs=0.01)
-        known = visit.metric("views")
-        visit.page.get_by_role("button", name="aside").click()
-        visit.until("__prelight.metrics.views", lambda count: count > known)
-        wait_for(lambda: studio.received[-1]["type"] == "LookFrom" and studio.received[-1]["eye"][0] == 4.0)
-        picture = srgb_decode(visit.pixels().astype(np.uint8))
-        assert picture[..., 0].max() == pytest.approx(0.7, abs=0.02)
-        asked = [m for m in studio.received if m["type"] == "LookFrom"]
-        visit.page.wait_for_timeout(300)
-        assert len([m for m in studio.received if m["type"] == "LookFrom"]) == len(
-            asked
-        )  # nothing new to ask
-        visit.page.get_by_role("radio", name="lux").click()
-        assert not visit.complaints
 
 
 def test_a_world_is_seen_behind_the_scene_and_moves_with_its_time(browser):
@@ -182,6 +141,13 @@ def test_the_timeline_fades_from_look_to_look(browser):
         visit.until("__prelight.metrics.sides")
         middle = srgb_decode(visit.pixels()[200:240, 200:240].astype(np.uint8)).mean(axis=(0, 1))
         assert np.abs(middle - (0.75 * lights["Blue"] + 0.25 * lights["Red"])).max() < 0.02
+        line.get_by_role("combobox", name="Look of key 2").select_option("Blue")
+        wait_for(lambda: studio.state["timeline"][1]["look"] == "Blue")
+        visit.until("__prelight.look().timeline[1].look === 'Blue' && __prelight.metrics.sides")
+        alone = srgb_decode(visit.pixels()[200:240, 200:240].astype(np.uint8)).mean(axis=(0, 1))
+        assert np.abs(alone - lights["Blue"]).max() < 0.02
+        line.get_by_role("combobox", name="Look of key 2").select_option("Red")
+        wait_for(lambda: studio.state["timeline"][1]["look"] == "Red")
         visit.slide("Timeline", "Time", 1.1)
         line.get_by_role("button", name="Play").click()
         line.get_by_role("button", name="Play").wait_for()  # again: it has come to its end

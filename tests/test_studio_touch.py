@@ -60,13 +60,13 @@ def test_fingers_do_what_a_mouse_does(browser, rng):
         wait_for(lambda: studio.state["rotation_deg"] == pytest.approx(90, abs=2))
         page.get_by_role("button", name="Add lamp").tap()
         wait_for(lambda: len(studio.state["lamps"]) == 1)
-        page.wait_for_timeout(300)  # the panel has come to rest
+        visit.rested()
         before = studio.state["lamps"][0]["position"]
         box = page.get_by_role("button", name="Lamp 1 at").bounding_box()
         at = (box["x"] + 10, box["y"] + 10)
         finger(visit, along(at, (at[0] + 60, at[1])))
         wait_for(lambda: studio.state["lamps"][0]["position"][0] > before[0] + 0.3)
-        page.wait_for_timeout(300)  # so have the rows of the lamp that was picked
+        visit.rested()  # the rows of the lamp that was picked are there
         page.get_by_role("switch", name="Lamp 1 is lit").tap()
         wait_for(lambda: studio.state["lamps"][0]["on"] is False)
         assert not visit.complaints

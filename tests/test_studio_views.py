@@ -25,8 +25,12 @@ from prelight.relighting.steerable_bake import SteerableBake
 from prelight.storage.bake import Bake
 from prelight.studio import kept
 from prelight.studio.environments import Environments
+from prelight.studio.frames import FRAME_ASIDE, FRAME_EXACT, FRAME_SHINE, FRAME_VIEW
 from prelight.studio.history import History
+from prelight.studio.lighting import SkyLight, lighting_of
 from prelight.studio.protocol import (
+    Compare,
+    Mark,
     RemoveLook,
     SaveLook,
     SetDisc,
@@ -44,10 +48,11 @@ from prelight.studio.rig_state import changed, initial
 from prelight.studio.rig_toml import opened_rig, rig_text
 from prelight.studio.timeline_rig import timeline_text
 from prelight.studio.tracing import Tracing
-from prelight.studio.whole_light import WholeLight, lighting_of
+from prelight.studio.whole_light import WholeLight
 from prelight.transport.basis_images import ImageSettings
 from prelight.transport.steered_lamps import SteeredSpot
 
+from .live_studio import running
 from .portal_rooms import portals_of, two_windows
 from .scenes import plane
 from .steered import LAMP_AT, room
@@ -73,11 +78,67 @@ def lit(light, state: State) -> np.ndarray:
     return unpacked(np.frombuffer(light.frame(state), np.uint32, offset=32))
 
 
-def test_gloss_is_the_relighters_whatever_was_lit_before(tmp_path) -> None:
+@pytest.fixture(scope="module")
+def golden(tmp_path_factory) -> Bake:
+    path = tmp_path_factory.mktemp("golden") / "ball.prelight"
+    return bake_environment(golden_ball(), path, resolution=32, glossy_order=6, bounces=0)
+
+
+def test_looks_shine_toward_the_eye_that_asks(golden, tmp_path) -> None:
+    """Beside a look's light comes its gloss, also of the light before the last step; another eye gets another."""
+    light = lighting_of(golden, Environments())
+    with running(golden.path, state_file=tmp_path / "s.json") as studio, studio.page() as page:
+        start = page.message("Welcome")["state"]
+        page.send(SaveLook("Bright"))
+        page.send(SetEnvironment(scale=0.25))
+        page.exact(start["sequence"] + 2)
+        for look, scale, eye in (("Bright", 1.0, EYE), ("Bright", 1.0, (-2.0, 1.0, 0.0)), (None, 1.0, EYE)):
+            page.send(Compare(look, eye))
+            page.until(lambda got: getattr(got, "flags", 0) == FRAME_ASIDE | FRAME_VIEW | FRAME_SHINE)
+            found = np.frombuffer(page.frames[-1][1], np.float16, offset=32).reshape(-1, 4)
+            state = rig(SetEnvironment(scale=scale), start=initial(start["environment"]))
+            lit(light, state)
+            expected = light.view(state, eye).shine
+            assert expected is not None
+            assert np.abs(expected).max() > 0.01
+            assert np.abs(found - expected).max() <= 2e-3 * np.abs(expected).max()
+        page.send(Compare("Bright"))  # without an eye nothing of it comes
+        page.until(lambda got: getattr(got, "flags", 0) == FRAME_ASIDE | FRAME_EXACT)
+        page.send(Mark(1))
+        page.message("Marked")
+        assert page.frames[-1][0].flags == FRAME_ASIDE | FRAME_EXACT
+
+
+def test_a_look_that_is_asked_for_from_elsewhere_meanwhile_is_lit_again(
+    golden, tmp_path, monkeypatch
+) -> None:
+    """The second question comes while the first is being answered."""
+    answer, asked, goes_on = SkyLight.view, threading.Event(), threading.Event()
+
+    def waiting(self, state, eye):
+        asked.set()
+        assert goes_on.wait(20)
+        return answer(self, state, eye)
+
+    monkeypatch.setattr(SkyLight, "view", waiting)
+    with running(golden.path, state_file=tmp_path / "s.json") as studio, studio.page() as page:
+        page.send(SaveLook("One"))
+        page.send(Compare("One", EYE))
+        assert asked.wait(20)
+        page.send(Compare("One", (-2.0, 1.0, 0.0)))
+        page.send(Mark(1))
+        page.message("Marked")
+        goes_on.set()
+        shines = []
+        while len(shines) < 2:
+            page.until(lambda got: getattr(got, "flags", 0) & FRAME_SHINE)
+            shines.append(page.frames[-1][1])
+        assert shines[0] != shines[1]
+
+
+def test_gloss_is_the_relighters_whatever_was_lit_before(golden) -> None:
     """A turned and tinted map with its traced sun, and two lights: a broad one, and one that is traced."""
-    bake = bake_environment(
-        golden_ball(), tmp_path / "ball.prelight", resolution=32, glossy_order=6, bounces=0
-    )
+    bake = golden
     broad = Disc.at(-120, 40, radius_deg=10, radiance=(6, 5, 4))
     small = Disc.at(30, 60, radius_deg=0.5, radiance=(900, 800, 700))
     first = SetDisc("a", -120.0, 40.0, 10.0, (6.0, 5.0, 4.0))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from prelight.relighting.sun_bounces import LITTLE, SunBounces
+from prelight.relighting.sun_bounces import LITTLE, BouncedSuns, SunBounces
 
 SIDE = 40
 
@@ -56,3 +56,24 @@ def test_a_great_change_and_a_bounded_series_begin_anew(rng) -> None:
     more = light * np.float32(1.01)
     expected = operator.matrix @ more + operator.matrix @ (operator.matrix @ more)
     assert twice.of(more) == pytest.approx(expected, rel=1e-5)
+
+
+def test_an_answer_that_comes_sooner_catches_up(rng) -> None:
+    """One bounce at a time: what is left is kept, and nothing of it is lost."""
+    operator: Any = Mixed(rng)
+    bounces, light = SunBounces(operator), rng.uniform(0, 1, (SIDE, 3)).astype(np.float32)
+    errors = []
+    for _ in range(12):
+        found = bounces.of(light, at_once=1)
+        errors.append(np.abs(found - operator.whole(light)).sum())
+    assert errors[0] > 10 * LITTLE * light.sum()
+    assert errors[-1] <= 1.01 * LITTLE * light.sum()
+    assert (np.diff(errors) <= 1e-4).all()
+
+
+def test_an_exact_answer_knows_nothing_of_the_one_before(rng) -> None:
+    operator: Any = Mixed(rng)
+    suns, light = BouncedSuns(operator, most=None), rng.uniform(0, 1, (SIDE, 3)).astype(np.float32)
+    first = suns.of(light, None, lambda: None)
+    suns.of(light * np.float32(1.1), None, lambda: None)
+    assert np.array_equal(suns.of(light, None, lambda: None), first)

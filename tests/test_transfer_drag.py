@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from prelight.baking.transfer import bake_transfer
 from prelight.baking.transfer_settings import TransferSettings
 from prelight.lighting.environment import Environment
+from prelight.relighting.first_bounce import FirstBounce
+from prelight.relighting.stand_ins import StandIns
 from prelight.relighting.transfer import TransferRelighter
 
 from .test_transfer import LAMP, PANEL, chamber
@@ -17,22 +23,61 @@ SKY = Environment.constant((0.5, 0.5, 0.5))
 def test_coarse_is_near_and_leaves_nothing_behind(tmp_path, monkeypatch) -> None:
     settings = TransferSettings(gather_rays=256, entries=100, modes=60)
     bake = bake_transfer(chamber(), tmp_path / "room.prelight", settings=settings)
+    places = StandIns.of(bake.receivers.positions, bake.receivers.normals, count=len(bake.receivers) // 2)
+    assert places is not None
     exact = TransferRelighter(bake)
     exact.shine([LAMP, PANEL], SKY)
     live, asked = TransferRelighter(bake), []
     operator = type(live._indirect.first)
     bounce = operator.bounce
-    monkeypatch.setattr(operator, "bounce", lambda self, light: asked.append(1) or bounce(self, light))
-    live.coarse = True
-    live.shine([LAMP], None)
-    assert len(asked) == 1  # of a point, whose direct light is exact
-    live.shine([LAMP, PANEL], SKY)
-    assert len(asked) == 3
-    np.testing.assert_array_equal(live.direct, exact.direct)
-    off = np.sqrt(((live.indirect - exact.indirect) ** 2).mean() / (exact.indirect**2).mean())
-    assert 0 < off < 0.1
-    live.coarse = False
+
+    def noted(self: FirstBounce, light: np.ndarray) -> np.ndarray:
+        asked.append(len(self.sums))
+        return bounce(self, light)
+
+    monkeypatch.setattr(operator, "bounce", noted)
+    far = replace(LAMP, position=(LAMP.position[0] - 0.3, *LAMP.position[1:]))
+    aside = replace(PANEL, position=(PANEL.position[0] - 0.3, *PANEL.position[1:]))
+    live.shine([far], coarse=places)
+    assert len(live.bake.receivers) in asked  # the first is exact
+    live.shine([far, aside])
+    asked.clear()
+    live.shine([LAMP, PANEL], SKY, coarse=places)
+    assert asked == [len(places)] * 3
+    assert off(live.direct, exact.direct) < 0.05  # its shadows have fewer rays
+    assert live.is_coarse
+    assert 0 < off(live.indirect, exact.indirect) < 0.15
     assert live.shine([LAMP, PANEL], SKY)
+    assert not live.is_coarse
     np.testing.assert_array_equal(live.irradiance, exact.irradiance)
-    live.coarse = True
-    assert not live.shine([LAMP, PANEL], SKY)  # what is exact stays
+    assert not live.shine([LAMP, PANEL], SKY, coarse=places)  # what is exact stays
+    near = replace(LAMP, position=(LAMP.position[0] + 0.02, *LAMP.position[1:]))
+    for k in range(20):  # a drag: the exact lamp that it began with gives detail to the end
+        way = replace(LAMP, position=(LAMP.position[0] + 0.001 * k, *LAMP.position[1:]))
+        live.shine([way, PANEL], SKY, coarse=places)
+    live.shine([near], coarse=places)
+    exact.shine([near])
+    assert off(live.indirect, exact.indirect) < 0.02
+
+
+def test_a_light_given_up_is_made_by_the_next_call(tmp_path) -> None:
+    settings = TransferSettings(gather_rays=64, entries=50, modes=20)
+    bake = bake_transfer(chamber(side=5), tmp_path / "room.prelight", settings=settings)
+    exact = TransferRelighter(bake)
+    exact.shine([LAMP, PANEL], SKY)
+    for after in range(8):
+        live, calls = TransferRelighter(bake), iter(range(after))
+        live.shine([PANEL])
+
+        def check(calls: Iterator[int] = calls) -> None:
+            if next(calls, None) is None:
+                raise TimeoutError
+
+        with contextlib.suppress(TimeoutError):
+            live.shine([LAMP, PANEL], SKY, check=check)
+        live.shine([LAMP, PANEL], SKY)
+        np.testing.assert_array_equal(live.irradiance, exact.irradiance)
+
+
+def off(found: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.sqrt(((found - exact) ** 2).mean() / (exact**2).mean()))

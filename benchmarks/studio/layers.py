@@ -24,6 +24,7 @@ from prelight.baking.transfer import bake_transfer
 from prelight.baking.transfer_settings import TransferSettings
 from prelight.scene.loading import load_scene
 from prelight.scene.subdivision import subdivided
+from prelight.studio.kept import state_file
 from prelight.studio.protocol import ClientMessage, SetEnvironment, SetGlass, SetLamp, SetSun, SetWorld
 from prelight.studio.protocol_values import LampLight, PortalGlass, Sun
 
@@ -105,7 +106,8 @@ def measured(
     *,
     skies: tuple[str, ...] = (),
 ) -> dict:
-    """Each kind of change in a studio of its own."""
+    """Each kind of change in a studio of its own, one after another: each finds the light that the last one left."""
+    state_file(bake).unlink(missing_ok=True)
     found: dict[str, object] = {"vertices": len(pl.Bake.open(bake).receivers), "changes_per_second": RATE}
     for words, edit in edits.items():
         with studio(bake, *skies) as link:

@@ -44,7 +44,9 @@ def demo(
     from ..files import explain
     from ..lighting.environment import Environment
     from ..lighting.sky import STOCK_SKIES
+    from .studio import let_threads_sleep
 
+    let_threads_sleep()
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

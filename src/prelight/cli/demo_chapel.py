@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,7 +49,7 @@ def chapel(folder: Path) -> Bake:
     from ..scene.stock.catalogue import stock_scene
     from ..storage.bake import Bake
 
-    scene, path = stock_scene(SCENE), folder / _NAME
+    scene, path = replace(stock_scene(SCENE), name="Chapel"), folder / _NAME
     try:
         bake = Bake.open(path)
         if bake.manifest.scene.digest == scene.digest and len(bake.layers) == 2:

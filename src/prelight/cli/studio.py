@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import importlib.util
 import os
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from ..studio.server import Studio
     from ..studio.tracing import Growing, Pictures
     from ..studio.workshop import Workshop
+
+
+_PATIENCE = 3.0  # seconds
 
 
 def studio(
@@ -65,16 +69,53 @@ def studio(
     json
         Print one JSON object with the link on standard output, then serve; no browser is opened.
     """
-    from ..studio.environments import Environments
-
+    let_threads_sleep()
     if port is not None and not 0 <= port <= 65535:
         raise InputError("--port", f"{port}, expected 0 (any) to 65535")
     for sky in skies:
         _check_there(sky)
-    environments = Environments(skies, folder=maps)
     opened = None if bake is None else opened_or_baked(bake, trust=trust, quiet=json)
-    shop = workshop(work)
-    serve(opened, environments, shop=shop, port=port, browser=browser and not json, json=json)
+    with contextlib.nullcontext() if opened is None else importing(_code_of(opened)):
+        from ..studio.environments import Environments
+
+        environments = Environments(skies, folder=maps)
+        shop = workshop(work)
+        serve(opened, environments, shop=shop, port=port, browser=browser and not json, json=json)
+
+
+def let_threads_sleep() -> None:
+    """Ask for threads that sleep when a kernel ends; to be called before the first kernel runs.
+
+    GNU's OpenMP lets them spin for milliseconds: half of the processor time that a studio used, while its event loop
+    and the browser waited for a processor.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
+
+def _code_of(bake: Bake) -> str:
+    """The module that lights a bake."""
+    from ..studio.kinds import is_sky_alone
+
+    return "prelight.studio.lighting" if is_sky_alone(bake) else "prelight.studio.whole_light"
+
+
+@contextlib.contextmanager
+def importing(module: str) -> Generator[None]:
+    """Import a module meanwhile: the compiled code behind the first light takes a second to load.
+
+    What is wrong with it is said by whoever needs it.
+    """
+
+    def load() -> None:
+        with contextlib.suppress(Exception):
+            importlib.import_module(module)
+
+    thread = threading.Thread(target=load, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join(_PATIENCE)  # rather than end the process in the middle of it
 
 
 def workshop(work: Path) -> Workshop:

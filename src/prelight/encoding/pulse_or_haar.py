@@ -7,6 +7,7 @@ byte, value = scale · b·|b|: finer steps for small ones, since the sum of a fa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -202,11 +203,14 @@ def light_tables(
     return wide
 
 
-def lit(
-    rows_layer: tuple, tables: Float32[np.ndarray, "2 cells 4"], out: np.ndarray, begin: int, end: int
-) -> None:
-    """``out (rows, 3)``, rows begin … end: what this light makes of them. ``rows_layer`` is ``RunRows.layer()``."""
-    light_rows(rows_layer, _frozen(tables), out, begin, end)
+def lit(rows_layer: tuple, lights: Sequence[tuple[np.ndarray, np.ndarray]], begin: int, end: int) -> None:
+    """Of one light or two, each ``light_tables`` and what of it is written, (rows, 3), rows begin … end.
+
+    ``rows_layer`` is ``RunRows.layer()``.
+    """
+    tables = np.concatenate([table for table, _ in lights], axis=2) if len(lights) > 1 else lights[0][0]
+    more = lights[1][1] if len(lights) > 1 else np.empty((0, 3), np.float32)
+    light_rows(rows_layer, _frozen(tables), lights[0][1], more, begin, end)
 
 
 def size_of(rows: RunRows) -> int:

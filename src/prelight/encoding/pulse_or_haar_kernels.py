@@ -174,11 +174,38 @@ def _three_of_row(data, runs, table, signed):
 
 
 @njit(cache=True)
-def _some_rows(layer, tables, out, begin, end):
+def _six_of_row(data, runs, table, signed):
+    """The same of a table of two lights: the first, and from its fifth channel on the second."""
+    red = green = blue = more_red = more_green = more_blue = np.float32(0)
+    at = 0
+    for k in range(len(runs)):
+        first = np.int64(runs[k, 0])
+        for j in range(np.int64(runs[k, 1])):
+            byte = data[at + j]
+            value = np.float32(byte)
+            if signed:
+                b = np.float32(np.int8(byte))
+                value = b * abs(b)
+            red += value * table[first + j, 0]
+            green += value * table[first + j, 1]
+            blue += value * table[first + j, 2]
+            more_red += value * table[first + j, 4]
+            more_green += value * table[first + j, 5]
+            more_blue += value * table[first + j, 6]
+        at += np.int64(runs[k, 1])
+    return red, green, blue, more_red, more_green, more_blue
+
+
+@njit(cache=True)
+def _some_rows(layer, tables, out, more, begin, end):
     kind, scale, row_runs, row_bytes, runs, data = layer
     for r in range(begin, end):
-        own = runs[row_runs[r] : row_runs[r + 1]]
-        red, green, blue = _three_of_row(data[row_bytes[r] :], own, tables[kind[r]], kind[r] == HAAR)
+        own, table = runs[row_runs[r] : row_runs[r + 1]], tables[kind[r]]
+        if len(more) == 0:
+            red, green, blue = _three_of_row(data[row_bytes[r] :], own, table, kind[r] == HAAR)
+        else:
+            red, green, blue, r2, g2, b2 = _six_of_row(data[row_bytes[r] :], own, table, kind[r] == HAAR)
+            more[r, 0], more[r, 1], more[r, 2] = scale[r] * r2, scale[r] * g2, scale[r] * b2
         out[r, 0], out[r, 1], out[r, 2] = scale[r] * red, scale[r] * green, scale[r] * blue
 
 
@@ -187,15 +214,18 @@ _LAYER = types.Tuple((
 ))  # fmt: skip
 
 
-@njit([types.void(_LAYER, _read_only(f4, 3), f4[:, ::1], i8, i8)], parallel=True, cache=True)
-def light_rows(layer, tables, out, begin, end):
+@njit(
+    [types.void(_LAYER, _read_only(f4, 3), f4[:, ::1], f4[:, ::1], i8, i8)], parallel=True, cache=True, nogil=True
+)  # fmt: skip
+def light_rows(layer, tables, out, more, begin, end):
     """out (rows, 3), rows begin … end: times light ``tables`` (2, 6R², 4), as it is and as Haar coefficients.
 
-    ``layer``: kind, scale, first run and first byte of each row (and one beyond), runs, bytes.
+    ``layer``: kind, scale, first run and first byte of each row (and one beyond), runs, bytes. ``more`` (rows, 3), if
+    it has rows, is of a second light, channels 4 to 6 of the tables (2, 6R², 8): a row is read once for both.
     """
     for part in prange((end - begin + _ROWS - 1) // _ROWS):
         first = begin + part * _ROWS
-        _some_rows(layer, tables, out, first, min(end, first + _ROWS))
+        _some_rows(layer, tables, out, more, first, min(end, first + _ROWS))
 
 
 @njit(cache=True)

@@ -14,6 +14,7 @@ from .row_sum_code import row_sum
 LONGEST_STEP = 65535
 _LEVELS = 127
 _ROWS = 64  # a task
+_ROOTS = 64  # nodes whose subtrees are tasks
 
 f4, i1, i4, i8, u2 = types.float32, types.int8, types.int32, types.int64, types.uint16
 
@@ -152,22 +153,41 @@ def thin_rows(matrix, tree, threshold, starts, out):
         _some_rows(part * _ROWS, min(rows, (part + 1) * _ROWS), matrix, tree, threshold, starts, out)
 
 
+@njit(cache=True)
+def _halves_below(root, light, colours, order, left, means, out):
+    """``colour_halves`` of a node and all below it; means are written down to the leaves."""
+    size, first, last = len(left), root, root + 1
+    while first < size:
+        first, last = 2 * first, 2 * last
+    for k in range(first, last):
+        v = order[k - size] if k - size < len(order) else -1
+        for c in range(3):
+            means[k, c] = light[v, c] * colours[v, c] if v >= 0 else f4(0)
+        means[k, 3] = 0
+    while first > root:
+        first, last = first // 2, last // 2
+        for k in range(last - 1, first - 1, -1):
+            for c in range(4):
+                right = means[2 * k + 1, c]
+                out[k, c] = means[2 * k, c] - right
+                means[k, c] = out[k, c] * left[k] + right
+
+
 @njit(
     [types.void(*[_read_only(f4, 2)] * 2, _read_only(i4, 1), _read_only(f4, 1), f4[:, ::1], f4[:, ::1])],
+    parallel=True,
     cache=True,
+    nogil=True,
 )
 def colour_halves(light, colours, order, left, means, out):
     """``vertex_tree.halves`` of light · colours (vertices, 3), quickly: out (size, 4), the last channel 0.
 
     ``means`` (2 · size, 4) is written too.
     """
-    size = len(left)
-    for i in range(size):
-        v = order[i] if i < len(order) else -1
-        for c in range(3):
-            means[size + i, c] = light[v, c] * colours[v, c] if v >= 0 else f4(0)
-        means[size + i, 3] = 0
-    for k in range(size - 1, 0, -1):
+    roots = min(_ROOTS, len(left))
+    for part in prange(roots):
+        _halves_below(roots + part, light, colours, order, left, means, out)
+    for k in range(roots - 1, 0, -1):
         for c in range(4):
             right = means[2 * k + 1, c]
             out[k, c] = means[2 * k, c] - right
@@ -176,7 +196,7 @@ def colour_halves(light, colours, order, left, means, out):
 
 
 @njit(cache=True)
-def _multiply_rows(begin, end, starts, steps, codes, sums, scales, values, light, out):
+def _multiply_rows(begin, end, starts, steps, codes, sums, scales, values, light, least, out):
     row = np.empty(4, np.float32)
     for i in range(begin, end):
         first = starts[i]
@@ -185,7 +205,7 @@ def _multiply_rows(begin, end, starts, steps, codes, sums, scales, values, light
             values.ctypes.data, light.ctypes.data, row.ctypes.data,
         )  # fmt: skip
         for c in range(3):
-            out[i, c] = max(f4(0), sums[i] * light[0, c] + scales[i] * row[c])
+            out[i, c] = max(least, sums[i] * light[0, c] + scales[i] * row[c])
 
 
 _rows = types.Tuple(
@@ -193,9 +213,12 @@ _rows = types.Tuple(
 )
 
 
-@njit([types.void(_rows, _read_only(f4, 2), f4[:, ::1])], parallel=True, cache=True)
-def multiply_rows(rows, light, out):
-    """out (rows, 3) = rows (starts, steps, codes, sums, scales) times light as ``colour_halves`` (size, 4)."""
+@njit([types.void(_rows, _read_only(f4, 2), f4, f4[:, ::1])], parallel=True, cache=True, nogil=True)
+def multiply_rows(rows, light, least, out):
+    """out (rows, 3) = rows (starts, steps, codes, sums, scales) times light as ``colour_halves`` (size, 4).
+
+    What is below ``least`` becomes that: 0 where light is light, for rows that are thinned may fall a little below.
+    """
     starts, steps, codes, sums, scales = rows
     values = np.empty(256, np.float32)
     for code in range(-128, 128):
@@ -203,7 +226,7 @@ def multiply_rows(rows, light, out):
     for part in prange((len(out) + _ROWS - 1) // _ROWS):
         _multiply_rows(
             part * _ROWS, min(len(out), (part + 1) * _ROWS),
-            starts, steps, codes, sums, scales, values, light, out,
+            starts, steps, codes, sums, scales, values, light, least, out,
         )  # fmt: skip
 
 

@@ -118,23 +118,27 @@ class Daylight:
     @cached_property
     def sky(self) -> Picture:
         """(180, 360, 3) a latitude-longitude map of the sky and the ground, without the sun's disc."""
+        return self.sky_of(HEIGHT)
+
+    def sky_of(self, height: int) -> Picture:
+        """The same of any even height, (height, 2 · height, 3): a low one is made sooner."""
         if self.is_night or not self.scale:
-            return np.zeros((HEIGHT, WIDTH, 3), np.float32)
-        half = HEIGHT // 2
-        directions = every_direction(HEIGHT, WIDTH)[:half].astype(np.float64)
+            return np.zeros((height, 2 * height, 3), np.float32)
+        half = height // 2
+        directions = every_direction(height, 2 * height)[:half].astype(np.float64)
         towards = pointing(self.azimuth_deg, self.position.elevation_deg)
-        picture = np.empty((HEIGHT, WIDTH, 3))
-        picture[:half] = self._scattered().radiance(directions @ towards) * self._outside
-        weights = LatLong().solid_angles(HEIGHT, WIDTH)[:half]
+        picture = np.empty((height, 2 * height, 3))
+        picture[:half] = self._scattered(height).radiance(directions @ towards) * self._outside
+        weights = LatLong().solid_angles(height, 2 * height)[:half]
         fallen = np.einsum("ij,ijk->k", weights * directions[..., 1], picture[:half])
         fallen += self.sunlight * max(math.sin(math.radians(self.position.elevation_deg)), 0.0)
         picture[half:] = np.array(self.ground) * fallen / np.pi
         return picture.astype(np.float32)
 
-    def environment(self) -> Environment:
-        """Sky, ground and the sun as a disc in front of them."""
+    def environment(self, height: int = HEIGHT) -> Environment:
+        """Sky, ground and the sun as a disc in front of them; ``height`` as of ``sky_of``."""
         sun = self.sun
-        pixels = self.sky
+        pixels = self.sky if height == HEIGHT else self.sky_of(height)
         pixels.setflags(write=False)
         found = Environment(pixels, "latlong", name="[sun]")
         return found if sun is None else found.with_disc(sun)
@@ -164,9 +168,9 @@ class Daylight:
         t = min(max(self.position.elevation_deg / self.position.radius_deg, -1.0), 1.0)
         return (math.acos(-t) + t * math.sqrt(max(1.0 - t * t, 0.0))) / math.pi
 
-    def _scattered(self) -> Scattered:
+    def _scattered(self, height: int) -> Scattered:
         """For the upper half of the map's pixels: the same on both sides of the sun."""
-        half = HEIGHT // 2
+        half, width = height // 2, 2 * height
         elevation = 0.5 * np.pi * np.linspace(0.0, 1.0, _ELEVATIONS) ** 2
         azimuth = np.linspace(0.0, np.pi, _AZIMUTHS)
         sun = math.radians(self.position.elevation_deg)
@@ -174,7 +178,7 @@ class Daylight:
         cosine = np.sin(e) * math.sin(sun) + np.cos(e) * np.cos(a) * math.cos(sun)
         seen = self._air.seen(e, np.clip(cosine, -1.0, 1.0), sun_elevation=sun)
         rows = _weights(elevation, 0.5 * np.pi * (1.0 - (np.arange(half) + 0.5) / half))
-        off = 2.0 * np.pi * ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) - math.radians(self.azimuth_deg)
+        off = 2.0 * np.pi * ((np.arange(width) + 0.5) / width - 0.5) - math.radians(self.azimuth_deg)
         columns = _weights(azimuth, np.abs(np.remainder(off + np.pi, 2.0 * np.pi) - np.pi))
         shape = (_ELEVATIONS, _AZIMUTHS, 3)
         parts = [

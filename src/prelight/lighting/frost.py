@@ -7,18 +7,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import CubeMap, Float32
+from ..arrays import CubeMap, Float32, Int32
 from ..bases import cube_map
 from .frost_kernels import blur
 from .glass import Glass
 from .rough_pane import rough_pane
 
-_CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
+CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
+_ROUGHLY, _MOST_ROUGHLY = 1.5, 16  # the same while a hand drags, and cells of a side at most
 _CUT = 4.0  # standard deviations
 _TABLE = 2048
 
 
-def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] | None = None) -> CubeMap:
+def frosted(
+    shell: CubeMap,
+    frost_deg: float,
+    outward: Float32[np.ndarray, "3"] | None = None,
+    *,
+    cells_per_sigma: float = CELLS_PER_SIGMA,
+    most_cells: int = 64,
+) -> CubeMap:
     """What comes through frosted glass: each direction the mean of those around it, by a Gaussian of their angle.
 
     Parameters
@@ -30,6 +38,8 @@ def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] 
     outward
         The unit normal of a flat pane, toward the outside: light from behind the pane's plane does not count. Zeros or
         None where a pane is not flat.
+    cells_per_sigma, most_cells
+        Of the cube that is blurred, at least, and of its side at most, while its resolution can be halved.
 
     An even shell stays as it is.
     """
@@ -38,11 +48,15 @@ def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] 
         return shell
     sigma = math.radians(frost_deg)
     coarse = n
-    while coarse % 2 == 0 and coarse // 2 >= _CELLS_PER_SIGMA * math.pi / 2 / sigma:
+    enough = cells_per_sigma * math.pi / 2 / sigma
+    while coarse % 2 == 0 and (coarse // 2 >= enough or coarse > most_cells):
         coarse //= 2
     directions, _ = _cells(n)
-    inner, areas = _cells(coarse)
+    inner, areas, order = *_cells(coarse), _neighbours(coarse)
     light = shell.reshape(-1, 3) if coarse == n else _averaged(shell, coarse)
+    if coarse != n:
+        inner = _middles(shell, coarse)
+    inner, areas, light = inner[order], areas[order], light[order]
     most = 1 - math.cos(min(math.pi, _CUT * sigma))
     angle = np.arccos(np.clip(1 - np.linspace(0, most, _TABLE), -1, 1))
     table = np.exp(-0.5 * (angle / sigma) ** 2).astype(np.float32)
@@ -59,12 +73,16 @@ def frosted(shell: CubeMap, frost_deg: float, outward: Float32[np.ndarray, "3"] 
     return out.reshape(shell.shape)
 
 
-def through_glass(shell: CubeMap, glass: Glass, outward: Float32[np.ndarray, "3"]) -> CubeMap:
+def through_glass(
+    shell: CubeMap, glass: Glass, outward: Float32[np.ndarray, "3"], *, roughly: bool = False
+) -> CubeMap:
     """A shell as it is seen through glass but for its colour: blurred, and of a rough pane dimmed at a slant.
 
     A pane that is not flat (``outward`` zero) lets as much through everywhere as a rough one does of an even sky.
+    ``roughly``: of larger cells, while a hand drags.
     """
-    blurred = frosted(shell, glass.frost, outward)
+    cells, most = (_ROUGHLY, _MOST_ROUGHLY) if roughly else (CELLS_PER_SIGMA, shell.shape[1])
+    blurred = frosted(shell, glass.frost, outward, cells_per_sigma=cells, most_cells=most)
     if glass.rough is None:
         return blurred
     pane = rough_pane(glass.rough)
@@ -80,6 +98,27 @@ def _cells(resolution: int) -> tuple[Float32[np.ndarray, "cells 3"], Float32[np.
     texels = np.arange(6 * resolution**2, dtype=np.int32)
     areas = np.tile(cube_map.solid_angles(resolution).ravel(), 6)
     return cube_map.texel_directions(texels, resolution), areas
+
+
+@lru_cache(maxsize=8)
+def _neighbours(resolution: int) -> Int32[np.ndarray, "cells"]:
+    """The cells in an order in which neighbours follow each other: squares of four, of four of these, and so on."""
+    row, column = np.meshgrid(np.arange(resolution), np.arange(resolution), indexing="ij")
+    code = np.zeros((resolution, resolution), np.int64)
+    for bit in range(resolution.bit_length()):
+        code |= (column >> bit & 1) << 2 * bit | (row >> bit & 1) << 2 * bit + 1
+    face = np.argsort(code.ravel(), kind="stable")
+    return (np.arange(6)[:, None] * resolution**2 + face).ravel().astype(np.int32)
+
+
+def _middles(shell: CubeMap, coarse: int) -> Float32[np.ndarray, "cells 3"]:
+    """Where the light of each block of cells is, unit directions: of one with a sun, the sun's own cell."""
+    n, small = shell.shape[1], np.float32(1e-6) * max(float(shell.mean()), 1e-30)
+    towards = _cells(n)[0].reshape(6, n, n, 3)
+    weight = (shell.sum(axis=3) + small) * cube_map.solid_angles(n).astype(np.float32)
+    split = (6, coarse, n // coarse, coarse, n // coarse, 3)
+    sums = (towards * weight[..., None]).reshape(split).sum(axis=(2, 4)).reshape(-1, 3)
+    return (sums / np.linalg.norm(sums, axis=1, keepdims=True)).astype(np.float32)
 
 
 def _averaged(shell: CubeMap, coarse: int) -> Float32[np.ndarray, "cells 3"]:

@@ -12,8 +12,28 @@ def _read_only(kind: types.Type, dimensions: int) -> types.Array:
     return types.Array(kind, dimensions, "C", readonly=True)
 
 
+TOGETHER = 16  # cells that are passed over at once, if all of them are too far away
+
+
 @njit(cache=True)
-def _blur_cell(d, inputs, light, table, outward, out):
+def _bound(inputs, caps, reach):
+    """Of each block of cells: its middle, and the least cosine to it of directions that any of them counts for."""
+    for b in range(len(caps)):
+        first, last = b * TOGETHER, min(len(inputs), (b + 1) * TOGETHER)
+        middle = caps[b, :3]
+        middle[:] = 0
+        for k in range(first, last):
+            middle += inputs[k, :3]
+        middle /= max(np.sqrt((middle * middle).sum()), np.float32(1e-6))
+        least = np.float32(1)
+        for k in range(first, last):
+            least = min(least, (middle * inputs[k, :3]).sum())
+        angle = np.arccos(max(least, np.float32(-1))) + reach + np.float32(1e-3)
+        caps[b, 3] = np.cos(angle) if angle < np.pi else np.float32(-2)
+
+
+@njit(cache=True)
+def _blur_some(d, inputs, light, table, outward):
     red = green = blue = total = np.float32(0)
     last = len(table) - 1
     for k in range(len(inputs)):
@@ -30,6 +50,17 @@ def _blur_cell(d, inputs, light, table, outward, out):
         green += weight * light[k, 1]
         blue += weight * light[k, 2]
         total += weight
+    return red, green, blue, total
+
+
+@njit(cache=True)
+def _blur_cell(d, inputs, light, table, outward, caps, out):
+    red = green = blue = total = np.float32(0)
+    for b in range(len(caps)):
+        if caps[b, 0] * d[0] + caps[b, 1] * d[1] + caps[b, 2] * d[2] >= caps[b, 3]:
+            first, last = b * TOGETHER, min(len(inputs), (b + 1) * TOGETHER)
+            r, g, bl, t = _blur_some(d, inputs[first:last], light[first:last], table, outward)
+            red, green, blue, total = red + r, green + g, blue + bl, total + t
     scale = np.float32(1) / total if total > 0 else np.float32(0)
     out[0], out[1], out[2] = red * scale, green * scale, blue * scale
 
@@ -40,12 +71,17 @@ def _blur_cell(d, inputs, light, table, outward, out):
     )],
     parallel=True,
     cache=True,
+    nogil=True,
 )  # fmt: skip
 def blur(directions, inputs, light, table, outward, out):
     """out (n, 3): for each direction the mean of ``light`` (m, 3) weighted by ``table`` of 1 − cos of the angle.
 
-    ``inputs`` (m, 4) are unit directions and solid angles; those behind the plane of ``outward`` do not count, whose
-    fourth number is how many places of the table 1 − cos of 1 is.
+    ``inputs`` (m, 4) are unit directions and solid angles, those that follow each other near each other; those behind
+    the plane of ``outward`` do not count, whose fourth number is how many places of the table 1 − cos of 1 is.
     """
-    for k in prange(len(directions)):
-        _blur_cell(directions[k], inputs, light, table, outward, out[k])
+    caps = np.empty(((len(inputs) + TOGETHER - 1) // TOGETHER, 4), np.float32)
+    most = np.float32(len(table) - 1) / outward[3]
+    _bound(inputs, caps, np.float32(np.arccos(max(np.float32(1) - most, np.float32(-1)))))
+    for part in prange((len(directions) + TOGETHER - 1) // TOGETHER):
+        for k in range(part * TOGETHER, min(len(directions), (part + 1) * TOGETHER)):
+            _blur_cell(directions[k], inputs, light, table, outward, caps, out[k])

@@ -163,7 +163,12 @@ def _trace_chunk(bounds, children, axes, corners, origins, normals, order, first
             lanes = 0
 
 
-@njit([types.void(*_tree, _f4_2, _f4_2, _i4_1, _f4_2, types.uint8[:, ::1])], parallel=True, cache=True)
+@njit(
+    [types.void(*_tree, _f4_2, _f4_2, _i4_1, _f4_2, types.uint8[:, ::1])],
+    parallel=True,
+    cache=True,
+    nogil=True,
+)
 def trace_receivers(bounds, children, axes, corners, origins, normals, order, directions, state):
     """state (D, R) of every receiver and direction: 0 faces away, 2 shadowed, 3 visible.
 

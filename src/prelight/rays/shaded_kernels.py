@@ -240,6 +240,7 @@ def _look_some(world, looks, light, origins, directions, first, last, out):
     ],
     parallel=True,
     cache=True,
+    nogil=True,
 )
 def look(world, looks, light, origins, directions, out):
     """Radiance (n, 4): red, green, blue of what rays meet, and 1; zeros where they meet nothing.

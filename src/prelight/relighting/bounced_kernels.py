@@ -34,6 +34,7 @@ def _some_groups(modes, every, weights, out, begin, end):
     [types.void(_read_only(i1, 3), _read_only(i4, 1), f4[:, ::1], f4[:, ::1])],
     parallel=True,
     cache=True,
+    nogil=True,
 )
 def bounce(modes, every, weights, out):
     """out (groups, 96) = Σ_k weights_k modes_k: modes (groups, K, 32), every 0 … K − 1, weights (K, 3) with scales."""
@@ -54,7 +55,9 @@ def _some_vertices(sources, light, out, begin, end):
                     into[k] += share * np.float32(row[k])
 
 
-@njit([types.void(_read_only(i1, 3), _read_only(f4, 2), f4[:, :, ::1])], parallel=True, cache=True)
+@njit(
+    [types.void(_read_only(i1, 3), _read_only(f4, 2), f4[:, :, ::1])], parallel=True, cache=True, nogil=True
+)
 def project(sources, light, out):
     """out (blocks, 3, K): of each thousand vertices Σ_v light[v, colour] · sources[colour, v], scale left out."""
     for block in prange(len(out)):

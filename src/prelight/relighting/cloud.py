@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from .environment import Update
 from .pixel_light import PointLit
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
 from .placed_gloss import PlacedGloss
+from .stand_ins import StandIns
 from .stored_cloud import CloudLayer, open_cloud
 
 _REMEMBERED = 8  # lamps that were lit, and may come back
@@ -94,6 +95,8 @@ class CloudRelighter:
         self._indirect = np.zeros((len(receivers), 3), np.float32)
         self.last = Update("none", 0.0, 0, 0)
 
+    is_coarse = False
+
     @property
     def interpolation(self) -> str:
         return self._weights.interpolation
@@ -103,11 +106,14 @@ class CloudRelighter:
         """Whether lighting it again, a moment later, would show something else."""
         return self._fading is not None and self._fading.is_settling
 
-    def light(self, rig: Rig) -> bool:
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
         """Take the rig's lamps, as they are at its beginning; True if something changed.
 
         Raises InputError for a spot or a panel, where the interpolation is the paper's.
         """
+        del coarse, check
         return self.shine(rig.lamps_at(0.0))
 
     def shine(self, lights: Iterable[PlacedLight]) -> bool:

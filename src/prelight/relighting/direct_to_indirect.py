@@ -5,7 +5,8 @@ The first bounces by the operator itself, thinned; what follows, smooth by then,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..arrays import Float32, Float64, Int32, Radiance
 from ..encoding.sparse_tiles import GROUP
 from .bounced_kernels import blocks_of, bounce, project
 from .first_bounce import FirstBounce
+from .stand_ins import StandIns
 
 BY_ITSELF = 3  # bounces followed one by one, at most; then light is smooth enough for modes
 _LITTLE = 0.05  # of the light that falls: what bounces of it may be left to modes
@@ -47,18 +49,18 @@ class DirectToIndirect:
         first = sum(operator.bytes for operator in (self.first, self.later) if operator is not None)
         return self.modes.nbytes + first + (0 if self.sources is None else self.sources.nbytes)
 
-    def bounced(self, direct: np.ndarray, *, coarse: bool = False) -> Radiance:
+    def bounced(self, direct: np.ndarray, *, check: Callable[[], None] = lambda: None) -> Radiance:
         """(vertices, 3) of direct light (vertices, 3): as many bounces by the operator as it takes, then the modes.
 
-        ``coarse``: one bounce by the operator, where modes follow; half of the time.
+        ``check`` is called in between, and may raise to give up.
         """
         if self.first is None:
             return self.by_modes(direct)
         total, light, fallen = np.zeros((len(direct), 3), np.float32), direct, float(direct.sum())
-        many = min(self.by_itself, 1) if coarse else self.by_itself
-        for n in range(many if self.most is None else self.most):
+        for n in range(self.by_itself if self.most is None else self.most):
             operator = self.later if n and self.later is not None else self.first
             light = operator.bounce(light)
+            check()
             total += light
             if float(light.sum(dtype=np.float64)) <= (_LITTLE if self.most is None else _NOTHING) * fallen:
                 break
@@ -85,6 +87,42 @@ class DirectToIndirect:
         every = np.arange(self.modes.shape[1], dtype=np.int32)
         bounce(self.modes, every, np.ascontiguousarray(weights), out)
         return out
+
+
+class AtStandIns:
+    """What bounces of direct light, at stand-ins alone: one bounce by the operator, what follows by modes.
+
+    Modes take what light at all vertices brings of them from the stand-ins too, as if it were spread.
+    """
+
+    def __init__(self, whole: DirectToIndirect, places: StandIns) -> None:
+        rows, groups = places.rows, -(-len(places) // GROUP)
+        few = np.zeros((groups * GROUP, whole.modes.shape[1]), np.int8)
+        few[: len(rows)] = whole.modes[rows // GROUP, :, rows % GROUP]
+        assert whole.sources is not None  # a transfer layer has them
+        sums = np.stack([places.gathered(of_colour) for of_colour in whole.sources])
+        steps = np.maximum(np.abs(sums).max(axis=1, keepdims=True), np.float32(1e-30)) / np.float32(127)
+        self._places, self._first = places, None if whole.first is None else whole.first.chosen(rows)
+        self._modes = replace(
+            whole,
+            modes=_frozen(few.reshape(groups, GROUP, -1).transpose(0, 2, 1)),
+            sources=_frozen(np.rint(sums / steps).astype(np.int8)),
+            source_scales=whole.source_scales * steps[:, 0],
+            rows=len(rows),
+        )
+
+    def bounced(self, direct: Radiance) -> Float32[np.ndarray, "n 3"]:
+        """Of direct light (V, 3) at all vertices, what bounces of it at the stand-ins."""
+        if self._first is None:
+            return self._modes.by_modes(direct[self._places.rows])
+        light = self._first.bounce(direct)
+        return light + self._modes.by_modes(light)
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    whole = np.ascontiguousarray(values)
+    whole.setflags(write=False)
+    return whole
 
 
 def in_rows(sums: Float32[np.ndarray, "groups 96"], order: np.ndarray | None, *, rows: int) -> Radiance:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,16 +36,33 @@ class FirstBounce:
         """Of what a bounce reads."""
         return self.steps.nbytes + self.codes.nbytes
 
-    def bounce(self, direct: np.ndarray) -> Float32[np.ndarray, "vertices 3"]:
-        """Irradiance / π by one bounce of direct irradiance / π, (vertices, 3) both."""
-        light, out = np.ascontiguousarray(direct, np.float32), np.empty((len(direct), 3), np.float32)
+    def chosen(self, rows: Int32[np.ndarray, "n"]) -> FirstBounce:
+        """What arrives at some vertices, of light at all of them."""
+        counts = np.diff(self.starts)[rows]
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        entries = np.arange(starts[-1]) + np.repeat(self.starts[rows] - starts[:-1], counts)
+        arrays = {
+            "sums": self.sums[rows], "scales": self.scales[rows], "starts": starts,
+            "steps": self.steps[entries], "codes": self.codes[entries],
+        }  # fmt: skip
+        for array in arrays.values():
+            array.setflags(write=False)
+        return replace(self, **arrays, _pace=Pace(multiply_rows))
+
+    def bounce(self, direct: np.ndarray) -> Float32[np.ndarray, "n 3"]:
+        """Irradiance / π by one bounce of direct irradiance / π (vertices, 3): at all of them, or those chosen.
+
+        Light that was taken away is negative, and so is what bounced of it; of light that is there nothing is.
+        """
+        light, out = np.ascontiguousarray(direct, np.float32), np.empty((len(self.sums), 3), np.float32)
         nodes, means = (
             np.empty((len(self.left), 4), np.float32),
             np.empty((2 * len(self.left), 4), np.float32),
         )
         colour_halves(light, self.colours, self.order, self.left, means, nodes)
         rows = self.starts, self.steps, self.codes, self.sums, self.scales
-        self._pace(self.bytes, rows, nodes, out)
+        least = np.float32(0 if light.min(initial=0) >= 0 else -np.inf)
+        self._pace(self.bytes, rows, nodes, least, out)
         return out
 
 

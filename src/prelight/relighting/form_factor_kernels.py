@@ -124,13 +124,18 @@ def _some_of_sky(begin, end, bits, directions, energy, normals, out):
     for i in range(begin, end):
         x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
         r, g, b = 0.0, 0.0, 0.0
-        for c in range(len(bits)):
-            if bits[c, i >> 3] >> (i & 7) & 1:
-                cosine = x * directions[c, 0] + y * directions[c, 1] + z * directions[c, 2]
-                if cosine > 0:
-                    r += cosine * energy[c, 0]
-                    g += cosine * energy[c, 1]
-                    b += cosine * energy[c, 2]
+        for byte in range(bits.shape[1]):
+            seen = bits[i, byte]
+            if seen == 0:  # of a room most of the sky is not seen
+                continue
+            for k in range(8):
+                if seen >> k & 1:
+                    c = 8 * byte + k
+                    cosine = x * directions[c, 0] + y * directions[c, 1] + z * directions[c, 2]
+                    if cosine > 0:
+                        r += cosine * energy[c, 0]
+                        g += cosine * energy[c, 1]
+                        b += cosine * energy[c, 2]
         out[i, 0], out[i, 1], out[i, 2] = r / pi, g / pi, b / pi
 
 
@@ -141,9 +146,10 @@ def _some_of_sky(begin, end, bits, directions, energy, normals, out):
     nogil=True,
 )
 def of_sky(bits, directions, energy, normals, out):
-    """out (V, 3) = Σ over cells of the sky of energy · cosine / π where the cell's bit says that it is seen.
+    """out (V, 3) = Σ over cells of the sky of energy · cosine / π where the vertex's bit says that it is seen.
 
-    bits (cells, bytes), directions (cells, 3), energy (cells, 3) radiance times solid angle.
+    bits (V, bytes), cell c in bit c mod 8 of byte c div 8; directions (cells, 3), energy (cells, 3) radiance times
+    solid angle.
     """
     for part in prange((len(out) + _VERTICES - 1) // _VERTICES):
         begin, end = part * _VERTICES, min(len(out), (part + 1) * _VERTICES)

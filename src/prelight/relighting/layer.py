@@ -13,8 +13,8 @@ from ..encoding.sparse_tiles import GROUP, PANEL, TILE, TILES, first_tiles, pane
 from ..errors import DamagedBakeError, InputError
 from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
+from .takers import found_layer
 
-KIND = "environment"
 LARGEST_RESOLUTION = 4096
 # An element of irradiance/π is at most 1/π, of a byte's 255 parts; of a mirror's radiance, far more.
 _LARGEST_SCALE = {1: np.float32(1 / 255), 3: np.float32(1e12)}
@@ -242,18 +242,6 @@ def first_broken_tree(rectangles, starts, resolution):
         if k != end:
             return z
     return -1
-
-
-def found_layer(bake: Bake, name: str | None = None) -> tuple[str, LayerRecord]:
-    """An environment layer by name; without it the one named environment, or the first. Raises InputError."""
-    environments = [n for n, record in bake.layers.items() if record.kind == KIND]
-    if name is None:
-        name = KIND if KIND in environments or not environments else environments[0]
-    if name not in environments:
-        raise InputError(
-            bake.path, f"has no environment layer {name!r}; its layers are {', '.join(bake.layers) or 'none'}"
-        )
-    return name, bake.layers[name]
 
 
 def _parcels(groups: np.ndarray, channels: np.ndarray, clusters: np.ndarray) -> np.ndarray:

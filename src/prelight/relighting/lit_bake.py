@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -29,16 +30,11 @@ from .named_camera import named_camera
 from .pixel_environment import PixelEnvironment
 from .pixel_light import lit_at_pixels
 from .relighter import Relighter
+from .stand_ins import StandIns
 from .steerable_bake import SteerableBake
 from .stored_steerable import steerable_names
+from .takers import LAMPS, SKIES
 
-SKIES = (
-    "portals",
-    "environment",
-    "transfer",
-    "cloud",
-)  # which kind of layer takes the environment, first come first served
-LAMPS = ("transfer", "cloud")  # which takes lamps, spots and panels with a place of their own
 _PICTURE = (1280, 720)
 
 
@@ -97,8 +93,12 @@ class LitBake:
         self._screen = self._one_screen()
         self._rig = Rig(Environment.dark())
 
-    def light(self, rig: Rig) -> None:
+    def light(self, rig: Rig, *, coarse: bool = False, check: Callable[[], None] = lambda: None) -> None:
         """Light the bake with ``rig`` and nothing else.
+
+        ``coarse``: a hand drags, and quick is better than exact, as far as layers have a quick way; the same without
+        it makes it exact, the same as if nothing had been coarse. ``check`` is called now and then, and may raise to
+        give up.
 
         Raises InputError for a light that no layer takes, and as the layers do; then nothing has changed that a
         next call would not set right.
@@ -109,8 +109,26 @@ class LitBake:
         for layer in self.all_layers:
             own = rig if layer.name == self._sky else replace(rig, environment=_DARK)
             own = own if layer.name == self._lamps else replace(own, lamps=())
-            layer.light(own)
+            layer.light(own, coarse=self.stand_ins if coarse else None, check=check)
         self._rig = rig
+
+    @cached_property
+    def stand_ins(self) -> StandIns | None:
+        """The vertices that stand for all while a hand drags; None where there are few vertices."""
+        receivers = self.bake.receivers
+        return StandIns.of(receivers.positions, receivers.normals)
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether some layer's light is not the exact one."""
+        return any(layer.is_coarse for layer in self.layers)
+
+    def warm(self) -> None:
+        """Make ready what the first drag would wait for."""
+        if self.stand_ins is not None:
+            for layer in self.layers:
+                if (warm := getattr(layer, "warm", None)) is not None:
+                    warm(self.stand_ins)
 
     @property
     def all_layers(self) -> list[LiveLayer | PixelEnvironment]:
@@ -238,14 +256,18 @@ class LitBake:
             picture = pixel_picture(dark, self.pixels[0].coverage, camera=eye, background=behind)
         else:
             picture = self._of_vertices(eye, chosen, behind, fine=fine)
-        return replace(picture, linear=picture.linear + self._of_pixels(size)) if self._screen else picture
+        if self._screen is None:
+            return picture
+        seen: Pixels = self.pixel_radiance.reshape(size[1], size[0], 3)
+        return replace(picture, linear=picture.linear + seen)
 
-    def _of_pixels(self, size: tuple[int, int]) -> Pixels:
-        """What layers of pixels add to a picture."""
+    @property
+    def pixel_radiance(self) -> Radiance:
+        """(pixels, 3) what layers of pixels add to the picture of their eye, where there are such; a copy."""
         parts: list[Radiance] = [layer.radiance for layer in self.pixels]
         if self.steered is not None:
             parts.append(np.maximum(self.steered.radiance, 0))  # noise may leave it a little below
-        return np.asarray(sum(parts[1:], start=parts[0]), np.float32).reshape(size[1], size[0], 3)
+        return np.asarray(sum(parts[1:], start=parts[0]), np.float32)
 
     def _of_vertices(self, eye: Camera, size: tuple[int, int], behind: Background, *, fine: bool) -> Picture:
         """What layers of vertices bring, before what is behind the scene."""

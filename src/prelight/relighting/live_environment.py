@@ -5,6 +5,7 @@ Of a layer baked for one eye, rows of materials that are not Lambertian are radi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -17,10 +18,13 @@ from ..lighting.rig import Rig
 from .environment import Update
 from .pixel_light import PointLit
 from .relighter import Relighter
+from .stand_ins import StandIns
 
 
 class LiveEnvironment:
     """A ``LiveLayer`` over ``lit``, which has opened a layer of vertices; ``eye`` is its own, or None."""
+
+    is_coarse = False
 
     def __init__(self, lit: Relighter) -> None:
         self.name, self._lit = lit.layer_name, lit
@@ -29,7 +33,10 @@ class LiveEnvironment:
         self._seen[lit.lambertian] = False
         self._known: Environment | None = None
 
-    def light(self, rig: Rig) -> bool:
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
+        del coarse, check  # of its own it needs neither
         if rig.environment is self._known:
             return False
         self._lit.environment = self._known = rig.environment

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
 from .environment import Update
 from .pixel_light import PointLit
+from .stand_ins import StandIns
 
 
 class LiveLayer(Protocol):
@@ -24,11 +26,22 @@ class LiveLayer(Protocol):
         """How the last change was made, and what it took."""
         ...
 
-    def light(self, rig: Rig) -> bool:
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
         """Take what of ``rig`` is this layer's; True if its light changed.
+
+        ``coarse``: a hand drags, and what takes long may be found at these stand-ins, or in another quick way; the
+        next call without it makes that exact. A layer may ignore it. ``check`` is called where an exact answer can be
+        given up, and raises to do so: the next call begins where this one did.
 
         Raises InputError for what it cannot carry.
         """
+        ...
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether what is there now is not exact, since a hand drags."""
         ...
 
     @property

@@ -9,8 +9,8 @@ import numpy as np
 from ..bases.steering import SpotBasis
 from ..lighting.quantities import Triple
 from ..storage.bake import Bake
-from .lit_bake import LAMPS, SKIES
 from .stored_steerable import basis_of, steerable_names
+from .takers import LAMPS, SKIES
 
 _HEAD = """# A rig for {name}: everything that lights it. Change it, then:
 #   prelight relight {path} THIS_FILE.toml -o picture.png

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..arrays import Float32, Radiance
@@ -9,6 +11,7 @@ from ..lighting.environment import Environment
 from ..lighting.rig import Rig
 from .environment import Update
 from .relighter import Relighter
+from .stand_ins import StandIns
 
 
 class PixelEnvironment:
@@ -25,8 +28,11 @@ class PixelEnvironment:
         self.name, self.camera = lit.layer_name, lit.camera()
         self._known: Environment | None = None
 
-    def light(self, rig: Rig) -> bool:
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
         """Take the rig's environment; True if it is another. Raises InputError as ``Relighter.environment``."""
+        del coarse, check
         if rig.environment is self._known:
             return False
         self._lit.environment = self._known = rig.environment

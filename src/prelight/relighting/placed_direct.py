@@ -55,6 +55,12 @@ class PlacedDirect:
         other._points, other._edge, other.shadow_rays = other._rays.points, 0.0, shadow_rays
         return other
 
+    def with_rays(self, shadow_rays: int) -> PlacedDirect:
+        """The same with another number of shadow rays."""
+        other = copy(self)
+        other.shadow_rays = shadow_rays
+        return other
+
     def of(self, light: PlacedLight) -> Radiance:
         """(V, 3) of a light of colour 1; a copy."""
         return self._of_lamp(light) if isinstance(light, Lamp) else self._of_panel(light)
@@ -114,13 +120,15 @@ class PlacedDirect:
             out[rows] = (seen[rows] * share)[:, None]
         return out
 
-    def of_direction(self, direction: np.ndarray) -> np.ndarray:
-        """(V,) of a light infinitely far away whose irradiance across it is 1."""
-        cosine = np.maximum(self._normals @ np.asarray(direction, np.float32), 0)
-        rows = np.flatnonzero(cosine > 0).astype(np.int32)
+    def of_direction(self, direction: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """(V,) of a light infinitely far away whose irradiance across it is 1; of some vertices, if not of all."""
+        normals = self._normals if rows is None else self._normals[rows]
+        cosine = np.maximum(normals @ np.asarray(direction, np.float32), 0)
+        lit = np.flatnonzero(cosine > 0).astype(np.int32)
         out = np.zeros(len(cosine), np.float32)
-        if len(rows):
-            out[rows] = cosine[rows] * self._rays.of_direction(rows, direction) / np.float32(np.pi)
+        if len(lit):
+            share = self._rays.of_direction(lit if rows is None else rows[lit], direction)
+            out[lit] = cosine[lit] * share / np.float32(np.pi)
         return out
 
 

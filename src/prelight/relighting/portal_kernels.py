@@ -30,6 +30,7 @@ _ROWS_OF_VERTICES = _read_only(i8, 1), _read_only(i4, 1), _read_only(i4, 1)
     [types.void(*_ROWS_OF_VERTICES, _read_only(f4, 2), _read_only(f4, 2), f4[:, ::1])],
     parallel=True,
     cache=True,
+    nogil=True,
 )  # fmt: skip
 def add_panes(starts, rows, pane, factors, light, out):
     """out (V, 3) += Σ factor of the pane · light of the row, over the rows of each vertex, in their order.
@@ -51,7 +52,7 @@ def _some_groups(sums, scales, out, begin, end):
                 out[v, c] = scales[v] * sums[g, 32 * c + i]
 
 
-@njit([types.void(_read_only(f4, 2), _read_only(f4, 1), f4[:, ::1])], parallel=True, cache=True)
+@njit([types.void(_read_only(f4, 2), _read_only(f4, 1), f4[:, ::1])], parallel=True, cache=True, nogil=True)
 def write_scaled(sums, scales, out):
     """out (V, 3) = scales · sums (groups, 3 · 32), written."""
     groups = len(sums)

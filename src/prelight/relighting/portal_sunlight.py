@@ -33,6 +33,7 @@ class Sunlight:
     def __init__(self, suns: PortalSuns, portal_of_pane: Int32[np.ndarray, "panes"], vertices: int) -> None:
         self._suns, self._portal_of_pane, self._vertices = suns, portal_of_pane, vertices
         self._colours: dict[tuple, tuple[Disc, Float64[np.ndarray, "panes 3"]]] = {}
+        self._roughly = False
 
     @property
     def sends_on(self) -> bool:
@@ -45,10 +46,18 @@ class Sunlight:
         return bool(self._colours)
 
     def follow(
-        self, discs_of_portal: Sequence[tuple[Disc, ...]], of_pane: Float32[np.ndarray, "panes 3"]
+        self,
+        discs_of_portal: Sequence[tuple[Disc, ...]],
+        of_pane: Float32[np.ndarray, "panes 3"],
+        *,
+        roughly: bool = False,
     ) -> None:
-        """Take the discs of every portal that has clear glass, and what panes let through now."""
+        """Take the discs of every portal that has clear glass, and what panes let through now.
+
+        ``roughly``: while a hand drags, suns that are new are found by few rays.
+        """
         self._colours = {}
+        self._roughly = roughly
         for portal, discs in enumerate(discs_of_portal):
             own = self._portal_of_pane == portal
             for disc in discs:
@@ -104,8 +113,14 @@ class Sunlight:
     def _all(self, spread: bool) -> Radiance:
         total = np.zeros((self._vertices, 3), np.float32)
         for disc, colours in self._colours.values():
-            self._suns.unit(disc, spread=spread).onto(total, colours)
+            rough = self._roughly and not self._suns.knows(disc)
+            self._suns.unit(disc, spread=spread, roughly=rough).onto(total, colours)
         return total
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether some sun is found by few rays now."""
+        return self._roughly and not all(self._suns.knows(disc) for disc, _ in self._colours.values())
 
 
 def sunlight_of(bake: Bake, layer: PortalsLayer) -> Sunlight | None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .portal_sun_caustics import PortalSunCaustics
 
 POINTS, MOST_POINTS = 32, 128  # over a disc: up to a degree, and of a larger one
+_SELDOM = 8  # of these points, while a hand drags
 _WIDE_DEG = 1.0
 _KEPT = 16  # units that are remembered, up to three of a sun
 
@@ -78,8 +79,13 @@ class PortalSuns:
         """Whether units have what glass and mirrors in the room send on."""
         return self._sent_on is not None and self._sent_on.is_there
 
-    def unit(self, disc: Disc, *, spread: bool = False) -> Unit:
-        """Of a disc, whatever its radiance; ``spread``: of all that falls around vertices, for what bounces."""
+    def unit(self, disc: Disc, *, spread: bool = False, roughly: bool = False) -> Unit:
+        """Of a disc, whatever its radiance; ``spread``: of all that falls around vertices, for what bounces.
+
+        ``roughly``: by few rays to the disc, and only what falls on vertices bounces.
+        """
+        if roughly:
+            return self._once(disc, "rough", self._rough)
         units = [self._once(disc, "spread", self._spread) if spread else self.sharp(disc)]
         if not spread and len(self._outside):
             units.append(self._once(disc, "beyond", self._beyond))
@@ -87,6 +93,10 @@ class PortalSuns:
             units.append(self._once(disc, "sent on", self._caustic))
         parts = ("receiver", "pane", "weight")
         return Unit(*(np.concatenate([getattr(unit, part) for unit in units]) for part in parts))
+
+    def knows(self, disc: Disc) -> bool:
+        """Whether a disc has been found exactly, at vertices and around them, and is remembered."""
+        return all((*_key(disc), kind) in self._known for kind in ("sharp", "spread"))
 
     def sharp(self, disc: Disc) -> Unit:
         """Of a disc at receivers through panes, without what glass and mirrors in the room send on."""
@@ -99,7 +109,7 @@ class PortalSuns:
         return _unit(self._rays.seen(points, normals, some))
 
     def _once(self, disc: Disc, kind: str, found: Callable[[Disc], Unit]) -> Unit:
-        key = (disc.direction, disc.radius_deg, disc.softness, kind)
+        key = (*_key(disc), kind)
         if key not in self._known:
             self._known[key] = found(disc)
         self._known.move_to_end(key)
@@ -109,6 +119,10 @@ class PortalSuns:
 
     def _sharp(self, disc: Disc) -> Unit:
         return _unit(self._rays.seen(self._openings.origins, self._normals, disc_points(disc)))
+
+    def _rough(self, disc: Disc) -> Unit:
+        some = disc_points(disc)[::_SELDOM]
+        return _unit(self._rays.seen(self._openings.origins, self._normals, some))
 
     def _spread(self, disc: Disc) -> Unit:
         places, middle = self._surface, axes_around(np.array(disc.direction))[2:]
@@ -154,6 +168,10 @@ class PortalSuns:
     @cached_property
     def _surface(self) -> SurfacePoints:
         return SurfacePoints(self._positions, self._opaque, self._normals)
+
+
+def _key(disc: Disc) -> tuple:
+    return disc.direction, disc.radius_deg, disc.softness
 
 
 def _unit(seen: Seen) -> Unit:

@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import CubeMap, Directions, Float32, Float64, Radiance, Triangles
-from ..bases import cube_map
 from ..bases.harmonic_cells import cell_harmonics
 from ..drawing.view import View
 from ..encoding.pulse_or_haar import light_tables, lit
@@ -36,20 +35,20 @@ from .environment import Update
 from .exitant import read_exitant
 from .live_gloss import Falling, LiveGloss
 from .pace import Pace
+from .pane_sums import PaneSums
 from .portal_gloss import PortalLight, seen_in
-from .portal_kernels import add_panes, write_scaled
+from .portal_kernels import write_scaled
 from .portal_sunlight import Sunlight, sunlight_of
 from .portals_layer import PortalsLayer, read_portals
 from .shells import Shells
-from .sun_bounces import SunBounces
+from .stand_ins import StandIns
+from .strong_cells import strong_cells
+from .sun_bounces import BouncedSuns
 from .through_glass import Panes
 
-_ABOVE = 6.0  # times the mean radiance of a shell: a cell that is brighter is a sun's, or a lamp's
-_SHARE = 0.05  # of a shell's light that such cells have, if they are to count
-
 _View = tuple[
-    int, float, float, tuple[float, ...]
-]  # of a shell through glass: which shell, frost, roughness, and outward if frosted
+    int, float, float, tuple[float, ...], bool
+]  # of a shell through glass: which shell, frost, roughness, and outward if frosted; and whether roughly
 
 
 class PortalsRelighter:
@@ -80,14 +79,13 @@ class PortalsRelighter:
         self._of_row = np.zeros((len(self.layer.rows), 3), np.float32)  # through clear colourless glass
         self._of_suns = np.zeros_like(self._of_row)  # of that, what suns bring
         self._has_suns = np.zeros(len(self.layer.names), bool)
-        self._bounces: SunBounces | None = None
+        first, most = self.layer.first, self.layer.most
+        self._bounces = None if first is None else BouncedSuns(first, most=most)
+        self.is_coarse = self._is_behind = False  # and whether an answer was given up
+        self._roughly = self._is_captured_roughly = False  # for a hand that drags
         self._rows = self.layer.rows.layer()
-        self._lit, self._add, self._bounce, self._scale = (
-            Pace(lit),
-            Pace(add_panes),
-            Pace(bounce),
-            Pace(write_scaled),
-        )
+        self._panes_added = PaneSums(self.layer, self.vertices)
+        self._lit, self._bounce, self._scale = Pace(lit), Pace(bounce), Pace(write_scaled)
         self._view_of_portal: list[_View | None] = [None] * len(self.layer.names)
         self._coefficients = np.zeros((len(self.layer.names), max(0, self.layer.order + 1) ** 2, 3))
         self._total: Radiance | None = np.zeros((self.vertices, 3), np.float32)
@@ -95,17 +93,23 @@ class PortalsRelighter:
 
     # ---- light -----------------------------------------------------------------------------------
 
-    def light(self, rig: Rig) -> bool:
-        """Take the environment, what is outside, and the glass. Raises InputError for glass of no portal here."""
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
+        """Take the environment, what is outside, and the glass. Raises InputError for glass of no portal here.
+
+        ``coarse``: what suns bring by bouncing is found at stand-ins.
+        """
         started = time.perf_counter()
         glass = glass_of(self.layer.names, rig.portals)
-        if changed := self._shells.light(rig):
+        is_exact_now, self._roughly = coarse is None and self.is_coarse, coarse is not None
+        if (changed := self._shells.light(rig)) or (is_exact_now and self._is_captured_roughly):
             self._capture()
-        if not changed and glass == self._glass:
+        if not changed and glass == self._glass and not is_exact_now and not self._is_behind:
             self.last = Update("none", (time.perf_counter() - started) * 1e3, 0, 0)
             return False
         self._glass = glass
-        return self._follow(started)
+        return self._follow(started, coarse, check)
 
     def set_shells(
         self, shells: Float32[np.ndarray, "portals 6 row column 3"], glass: list[Glass] | None = None
@@ -128,25 +132,31 @@ class PortalsRelighter:
 
     def _capture(self) -> None:
         shells, n = self._shells, self.layer.cube
+        self._is_captured_roughly = self._roughly and not shells.same_everywhere
         exact = self._suns is not None
         if shells.same_everywhere:
             self._shell = shells.shell_of((0.0, 0.0, 0.0), n, discs=not exact)[None]
             self._discs = [shells.discs_of((0.0, 0.0, 0.0))] if exact else [()]
         else:
-            self._shell = shells.shells_of(self.layer.centres, n, discs=not exact)
+            self._shell = shells.shells_of(self.layer.centres, n, discs=not exact, roughly=self._roughly)
             centres = self.layer.centres.astype(np.float64).tolist()
             self._discs = [shells.discs_of((x, y, z)) if exact else () for x, y, z in centres]
         self._version += 1
 
-    def _follow(self, started: float) -> bool:
+    def _follow(
+        self, started: float, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
         read = changed = 0
+        self._is_behind = True
         groups: dict[_View, list[int]] = {}
         for p in range(len(self.layer.names)):
             view = self._view(p)
             if view != self._view_of_portal[p]:
                 groups.setdefault(view, []).append(p)
+        for view, portals in groups.items():
+            check()
+            for p in portals:
                 self._view_of_portal[p] = view
-        for portals in groups.values():
             shell = self._seen(portals[0])
             suns = strong_cells(shell) if self.layer.first is not None else None
             self._has_suns[portals] = suns is not None
@@ -162,16 +172,15 @@ class PortalsRelighter:
                 tables = [(light_tables(light, haar=self.layer.has_haar), out) for light, out in lights]
                 for first, last in self._stretches(portals, caustic):
                     size = int(self._bytes[last] - self._bytes[first])
-                    for table, out in tables:
-                        self._lit(size, self._rows, table, out, first, last)
-                    read += len(tables) * size
+                    self._lit(size, self._rows, tables, first, last)
+                    read += size
                     changed += last - first
             if self.layer.order >= 0:
                 smooth = shell if suns is None else shell - suns
                 if self.layer.first is None:  # then harmonics are all that discs can bounce by
                     smooth = self._with_discs(smooth, discs)
                 self._coefficients[portals] = self._harmonics(smooth)
-        self._total = self._added()
+        self._total, self._is_behind = self._added(coarse, check), False
         if self._gloss is not None:
             self._gloss.forget()
         if self.layer.modes is not None:
@@ -185,7 +194,8 @@ class PortalsRelighter:
         frost, rough = self._glass[portal].frost, self._glass[portal].rough or 0.0
         shell = portal if len(self._shell) > 1 else 0
         outward = tuple(self.layer.outward[portal].tolist()) if frost else ()
-        return self._version * len(self.layer.names) + shell, frost, rough, outward
+        roughly = bool(frost) and self._roughly
+        return self._version * len(self.layer.names) + shell, frost, rough, outward, roughly
 
     def _seen(self, portal: int) -> CubeMap:
         """The portal's shell through its glass, without the discs that rays are sent to."""
@@ -193,7 +203,7 @@ class PortalsRelighter:
         if not glass.frost:
             return shell
         whole = self._with_discs(shell, self._discs_of(portal))
-        return through_glass(whole, glass, self.layer.outward[portal])
+        return through_glass(whole, glass, self.layer.outward[portal], roughly=self._roughly)
 
     def _shell_of(self, portal: int) -> int:
         return portal if len(self._shell) > 1 else 0
@@ -226,8 +236,12 @@ class PortalsRelighter:
         return out
 
     def _harmonics(self, shell: CubeMap) -> Float64[np.ndarray, "functions 3"]:
+        return np.einsum("kc,jc->kj", self._integrals, shell.reshape(-1, 3).T.astype(np.float64, order="C"))
+
+    @cached_property
+    def _integrals(self) -> Float64[np.ndarray, "functions cells"]:
         _, integrals = cell_harmonics(self.layer.order, self.layer.cube)
-        return np.einsum("ck,cj->kj", integrals, shell.reshape(-1, 3), dtype=np.float64)
+        return np.ascontiguousarray(integrals.T, np.float64)
 
     @property
     def _factors(self) -> Float32[np.ndarray, "portals 3"]:
@@ -237,7 +251,7 @@ class PortalsRelighter:
             [glass.factor(tint) for glass, tint in zip(self._glass, own, strict=True)], np.float32
         )
 
-    def _added(self) -> Radiance:
+    def _added(self, coarse: StandIns | None, check: Callable[[], None]) -> Radiance:
         layer, factors = self.layer, self._factors
         total = np.zeros((self.vertices, 3), np.float32)
         if layer.modes is not None:
@@ -251,37 +265,40 @@ class PortalsRelighter:
             self._scale(sums.nbytes, sums, layer.scales, total)
         of_pane = factors[layer.portal_of_pane] * layer.pane_tints
         sharp = self._sunlit(of_pane)
+        self.is_coarse = self._is_captured_roughly or (self._suns is not None and self._suns.is_rough)
+        self.is_coarse |= any(view is not None and view[-1] for view in self._view_of_portal)
         if layer.first is not None and (
             sharp is not None or (of_pane[self._has_suns[layer.portal_of_pane]] > 0).any()
         ):
-            total += self._bounced_suns(of_pane)
-        self._panes_onto(total, of_pane, self._of_row)
+            total += self._bounced_suns(of_pane, coarse, check)
+            self.is_coarse = coarse is not None
+        self._panes_added.onto(total, of_pane, self._of_row)
         return total if sharp is None else total + sharp
 
     def _sunlit(self, of_pane: Float32[np.ndarray, "panes 3"]) -> Radiance | None:
         """(V, 3) light of the discs that rays are sent to; None where there are none."""
         if self._suns is None:
             return None
-        self._suns.follow([self._discs_through(p) for p in range(len(self.layer.names))], of_pane)
+        discs = [self._discs_through(p) for p in range(len(self.layer.names))]
+        self._suns.follow(discs, of_pane, roughly=self._roughly)
         return self._suns.at_vertices if self._suns.is_on else None
 
-    def _panes_onto(self, total: Radiance, of_pane: np.ndarray, of_row: np.ndarray) -> None:
-        """Add what rows bring, each times the factor of its pane."""
-        factors = np.ascontiguousarray(of_pane, np.float32)
-        self._add(of_row.nbytes + total.nbytes, *self._by_vertex, factors, of_row, total)
-
-    def _bounced_suns(self, of_pane: Float32[np.ndarray, "panes 3"]) -> Radiance:
+    def _bounced_suns(
+        self, of_pane: Float32[np.ndarray, "panes 3"], coarse: StandIns | None, check: Callable[[], None]
+    ) -> Radiance:
         """(V, 3) light of suns after one and more bounces, from where it falls."""
-        layer = self.layer
-        assert layer.first is not None  # asked by the caller
-        light = np.zeros((self.vertices, 3), np.float32)
+        layer, light = self.layer, np.zeros((self.vertices, 3), np.float32)
         if self._suns is not None and self._suns.is_on:
             light += self._suns.around_vertices
         own = np.where(self._has_suns[layer.portal_of_pane, None], of_pane, np.float32(0))
-        self._panes_onto(light, own, self._of_suns)
-        if self._bounces is None:
-            self._bounces = SunBounces(layer.first, most=layer.most)
-        return self._bounces.of(light)
+        self._panes_added.onto(light, own, self._of_suns)
+        assert self._bounces is not None  # with the operator
+        return self._bounces.of(light, coarse, check)
+
+    def warm(self, places: StandIns) -> None:
+        """Make ready what the first drag would wait for."""
+        if self._bounces is not None:
+            self._bounces.warm(places)
 
     @cached_property
     def _caustic(self) -> np.ndarray:
@@ -299,14 +316,6 @@ class PortalsRelighter:
         """Before each row: bytes of runs and data."""
         return self.layer.rows.row_bytes + 4 * self.layer.rows.row_runs
 
-    @cached_property
-    def _by_vertex(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        layer = self.layer
-        order = np.argsort(layer.receiver, kind="stable").astype(np.int32)
-        starts = np.searchsorted(layer.receiver[order], np.arange(self.vertices + 1)).astype(np.int64)
-        pane = np.repeat(np.arange(len(layer.portal_of_pane), dtype=np.int32), np.diff(layer.pane_rows))
-        return starts, order, np.ascontiguousarray(pane[order])
-
     # ---- what follows ----------------------------------------------------------------------------
 
     @property
@@ -320,7 +329,7 @@ class PortalsRelighter:
         """(V, 3) of ``irradiance``, what has not bounced."""
         total = np.zeros((self.vertices, 3), np.float32)
         of_pane = self._factors[self.layer.portal_of_pane] * self.layer.pane_tints
-        self._panes_onto(total, of_pane, self._of_row)
+        self._panes_added.onto(total, of_pane, self._of_row)
         sharp = self._sunlit(of_pane)
         return total if sharp is None else total + sharp
 
@@ -383,14 +392,3 @@ class PortalsRelighter:
     def environment(self) -> Environment:
         """What is far outside, in the room's axes."""
         return self._shells.environment
-
-
-def strong_cells(shell: CubeMap) -> CubeMap | None:
-    """The light of the brightest cells and nothing else; None where they have little of a shell's light."""
-    radiance = shell.sum(axis=3)
-    energy = radiance * cube_map.solid_angles(shell.shape[1])
-    whole = float(energy.sum(dtype=np.float64))
-    strong = radiance > _ABOVE * whole / (4 * np.pi)
-    if float(energy[strong].sum(dtype=np.float64)) <= _SHARE * whole:
-        return None
-    return np.where(strong[..., None], shell, np.float32(0))

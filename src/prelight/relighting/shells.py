@@ -88,14 +88,17 @@ class Shells:
         self._environment, self._room = rig.environment, room
         return changed
 
-    def shell_of(self, centre: Triple, resolution: int, *, discs: bool = True) -> CubeMap:
+    def shell_of(
+        self, centre: Triple, resolution: int, *, discs: bool = True, roughly: bool = False
+    ) -> CubeMap:
         """What is seen from a point of the room, (6, n, n, 3) in its axes. Not to be written to.
 
         ``discs``: the environment's small discs, such as the sun, too; as far as nothing outside hides them.
+        ``roughly``: with one ray to a texel.
         """
         if self._exterior is None:
             return self._far(resolution, discs=discs)
-        samples = self._exterior.outside.samples
+        samples = 1 if roughly else self._exterior.outside.samples
         seen = self._look(centre, _sample_directions(resolution, samples))
         seen = seen.reshape(6 * resolution * resolution, samples * samples, 4).mean(axis=1)
         seen = seen.reshape(6, resolution, resolution, 4)
@@ -105,12 +108,17 @@ class Shells:
         return shell
 
     def shells_of(
-        self, centres: Float32[np.ndarray, "portals 3"], resolution: int, *, discs: bool = True
+        self,
+        centres: Float32[np.ndarray, "portals 3"],
+        resolution: int,
+        *,
+        discs: bool = True,
+        roughly: bool = False,
     ) -> Float32[np.ndarray, "portals 6 row column 3"]:
         """``shell_of`` for several points."""
         out = np.empty((len(centres), 6, resolution, resolution, 3), np.float32)
         for shell, (x, y, z) in zip(out, np.asarray(centres, np.float64).tolist(), strict=True):
-            shell[:] = self.shell_of((x, y, z), resolution, discs=discs)
+            shell[:] = self.shell_of((x, y, z), resolution, discs=discs, roughly=roughly)
         return out
 
     def discs_of(self, centre: Triple) -> tuple[Disc, ...]:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Positions, Radiance
+from ..arrays import Float32, Int32, Normals, Positions, Radiance
 from ..bases.cube_map import solid_angles, texel_directions
 from ..lighting.environment import Environment
 from ..storage.bake import Bake
 from .form_factor_kernels import of_sky
 from .light_rays import sky_bits
 from .placed_direct import PlacedDirect
-from .strong_lights import NO_LIGHTS, StrongLights, strong_discs, strongest, together, without
+from .strong_lights import MOST, NO_LIGHTS, StrongLights, strong_discs, strongest, together, without
 
 CELLS = 20  # along each face's side: 4.5°
+_BYTES_AT_ONCE = 1024  # of bits that are turned over
 _FINE = 12 * CELLS  # texels along a face's side, in which suns are looked for
+_ROUGH, _FEW_STRONG = 3, 4  # texels of a cell, and suns, while a hand drags
 
 
 class SkyDirect:
@@ -24,9 +27,10 @@ class SkyDirect:
 
     def __init__(self, bake: Bake, origins: Positions, placed: PlacedDirect) -> None:
         self._bake, self._origins, self._placed = bake, origins, placed
+        self._some: tuple[np.ndarray, np.ndarray, Normals] | None = None  # vertices, their bits and normals
 
-    def of(self, environment: Environment) -> Radiance:
-        """(V, 3); exactly zero in the dark."""
+    def of(self, environment: Environment, *, check: Callable[[], None] = lambda: None) -> Radiance:
+        """(V, 3); exactly zero in the dark. ``check`` is called now and then, and may raise to give up."""
         out = np.zeros((len(self._origins), 3), np.float32)
         if not max(environment.total) > 0:
             return out
@@ -34,7 +38,23 @@ class SkyDirect:
         if rest.any():
             of_sky(self._bits, self._directions, _energies(rest), self._bake.receivers.normals, out)
         for direction, energy in zip(strong.directions, strong.energy, strict=True):
+            check()
             out += self._placed.of_direction(direction)[:, None] * energy.astype(np.float32)
+        return out
+
+    def roughly(self, environment: Environment, rows: Int32[np.ndarray, "n"]) -> Float32[np.ndarray, "n 3"]:
+        """(n, 3) at some vertices: by fewer cells of the sky, and few strong lights."""
+        out = np.zeros((len(rows), 3), np.float32)
+        if not max(environment.total) > 0:
+            return out
+        strong, rest = divided(environment, fine=_ROUGH * CELLS, most=_FEW_STRONG)
+        if rest.any():
+            if self._some is None or self._some[0] is not rows:
+                self._some = rows, self._bits[rows], self._bake.receivers.normals[rows]
+            _, bits, normals = self._some
+            of_sky(bits, self._directions, _energies(rest), normals, out)
+        for direction, energy in zip(strong.directions, strong.energy, strict=True):
+            out += self._placed.of_direction(direction, rows)[:, None] * energy.astype(np.float32)
         return out
 
     @cached_property
@@ -43,21 +63,31 @@ class SkyDirect:
 
     @cached_property
     def _bits(self) -> np.ndarray:
-        return sky_bits(self._bake, self._origins, self._directions)
+        """(V, bytes) which cells each vertex sees."""
+        by_cell, vertices = sky_bits(self._bake, self._origins, self._directions), len(self._origins)
+        out = np.empty((vertices, -(-len(by_cell) // 8)), np.uint8)
+        for first in range(0, by_cell.shape[1], _BYTES_AT_ONCE):
+            some = np.unpackbits(by_cell[:, first : first + _BYTES_AT_ONCE], axis=1, bitorder="little")
+            rows = out[8 * first : 8 * (first + _BYTES_AT_ONCE)]
+            rows[:] = np.packbits(some[:, : len(rows)].T, axis=1, bitorder="little")
+        out.setflags(write=False)
+        return out
 
 
-def divided(environment: Environment) -> tuple[StrongLights, np.ndarray]:
-    """Its strong lights, and a cube map of the rest."""
+def divided(
+    environment: Environment, *, fine: int = _FINE, most: int = MOST
+) -> tuple[StrongLights, np.ndarray]:
+    """Its strong lights, at most so many of its map's, and a cube map of the rest, of ``fine`` texels a side."""
     traced, discs = NO_LIGHTS, environment.discs
     if discs:
-        traced, discs = strong_discs(discs, environment.total, _FINE)
-    cube = environment.with_discs(tuple(discs)).cube(_FINE)
-    strong = strongest(cube, total=environment.total)
+        traced, discs = strong_discs(discs, environment.total, fine)
+    cube = environment.with_discs(tuple(discs)).cube(fine)
+    strong = strongest(cube, total=environment.total, most=most)
     return together([traced, strong]), without(cube, strong)
 
 
 def _energies(cube: np.ndarray) -> np.ndarray:
     """(cells, 3) radiance times solid angle, float64."""
-    fine = cube.astype(np.float64) * solid_angles(_FINE)[..., None]
-    side = _FINE // CELLS
+    fine = cube.astype(np.float64) * solid_angles(cube.shape[1])[..., None]
+    side = cube.shape[1] // CELLS
     return fine.reshape(6, CELLS, side, CELLS, side, 3).sum(axis=(2, 4)).reshape(-1, 3)

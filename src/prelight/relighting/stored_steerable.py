@@ -20,13 +20,12 @@ from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
 from .deep_buffer import DeepBuffer
 from .steerable_layer import Basis, SteerableLayer
-
-KIND = "steerable"
+from .takers import STEERABLE
 
 
 def steerable_names(bake: Bake) -> tuple[str, ...]:
     """The steerable layers of a bake, by name."""
-    return tuple(name for name, layer in bake.layers.items() if layer.kind == KIND)
+    return tuple(name for name, layer in bake.layers.items() if layer.kind == STEERABLE)
 
 
 def open_steerable(bake: Bake) -> list[SteerableLayer]:

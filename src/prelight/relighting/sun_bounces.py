@@ -1,44 +1,109 @@
-"""What light brings after one and more bounces by an operator, followed as the light changes.
+"""What light brings after one and more bounces by an operator, in one go or followed as the light changes.
 
-The series is never begun anew for a small change: what has bounced is kept with what has still to bounce, to which the
-change is added. So a blind that is pulled takes the one or two bounces that its change is worth, and nothing that was
-left out is lost: sum = kept + (K + K² + …) · left, always. What is answered is ``kept``: it depends on the light
-before by what is left, half a percent of the light that falls at most, and what would have bounced of it.
+Followed, the series is not begun anew for a small change: what has bounced is kept with what has still to bounce, to
+which the change is added. So a blind that is pulled takes the one or two bounces that its change is worth, and nothing
+that was left out is lost: sum = kept + (K + K² + …) · left, always, even where an answer must come sooner than the
+series ends. What is answered is ``kept``: it depends on the light before by what is left, half a percent of the light
+that falls at most, and what would have bounced of it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from ..arrays import Radiance
 from .first_bounce import FirstBounce
+from .stand_ins import Detail, StandIns
 
 LITTLE = 0.005  # of the light that falls: what may be left to bounce
 _MOST = 24  # bounces
+_AT_ONCE = 4  # bounces at stand-ins in one update; what is left follows in the next
 _ANEW = 0.25  # of the light: a change of more begins anew
 
 
 class SunBounces:
-    """All bounces of light at vertices; ``most``: at most so many of them, then nothing is kept."""
+    """All bounces of light at vertices.
 
-    def __init__(self, operator: FirstBounce, *, most: int | None = None) -> None:
-        self._operator, self._most = operator, most
+    Parameters
+    ----------
+    most
+        At most so many of them, then nothing is kept.
+    places
+        Find them at these stand-ins alone.
+    """
+
+    def __init__(
+        self, operator: FirstBounce, *, most: int | None = None, places: StandIns | None = None
+    ) -> None:
+        self._operator = operator if places is None else operator.chosen(places.rows)
+        self.places, self._most = places, most
         self._light: Radiance | None = None  # that was asked about last
         self._kept: Radiance
         self._left: Radiance
 
-    def of(self, light: Radiance) -> Radiance:
-        """(V, 3) of light (V, 3), both irradiance / π; not to be written to."""
+    def of(
+        self, light: Radiance, *, at_once: int = _MOST, check: Callable[[], None] = lambda: None
+    ) -> Radiance:
+        """What bounces of light (V, 3), both irradiance / π, at (V, 3) or the stand-ins; not to be written to.
+
+        ``at_once``: no more bounces now; ``check`` is called before each, and may raise to give up.
+        """
         fallen, before = float(light.sum(dtype=np.float64)), self._light
         change = None if before is None or self._most is not None else light - before
         if change is None or float(np.abs(change).sum(dtype=np.float64)) > _ANEW * fallen:
-            self._kept, self._left = np.zeros_like(light), light
+            rows = len(light) if self.places is None else len(self.places)
+            self._kept, self._left = np.zeros((rows, 3), np.float32), light
         else:
-            self._left = self._left + change
+            self._left = self._everywhere(self._left, len(light)) + change
         self._light = light
-        for _ in range(min(_MOST, self._most or _MOST)):
-            if float(np.abs(self._left).sum(dtype=np.float64)) <= LITTLE * fallen:
+        for _ in range(min(at_once, self._most or _MOST)):
+            share = len(self._left) / len(light)
+            if float(np.abs(self._left).sum(dtype=np.float64)) <= LITTLE * share * fallen:
                 break
-            self._left = self._operator.bounce(self._left)
+            check()
+            self._left = self._operator.bounce(self._everywhere(self._left, len(light)))
             self._kept = self._kept + self._left
         return self._kept
+
+    def _everywhere(self, light: Radiance, vertices: int) -> Radiance:
+        return light if self.places is None or len(light) == vertices else self.places.spread(light)
+
+
+class BouncedSuns:
+    """What bounces of suns in a room: exactly, or at stand-ins while a hand drags.
+
+    Whenever it is found exactly, it is found at the stand-ins too: a drag begins with a series that has come to its
+    end, and knows what stand-ins cannot tell.
+    """
+
+    def __init__(self, operator: FirstBounce, *, most: int | None) -> None:
+        self._operator, self._most = operator, most
+        self._few: SunBounces | None = None
+        self._exact: tuple[Radiance, Radiance] | None = (
+            None  # light and what bounced of it, when last found so
+        )
+        self._detail: Detail | None = None  # of that
+
+    def of(self, light: Radiance, coarse: StandIns | None, check: Callable[[], None]) -> Radiance:
+        """(V, 3) of light (V, 3), both irradiance / π. Exactly, it depends on this light alone."""
+        if coarse is None:
+            self._exact = light, SunBounces(self._operator, most=self._most).of(light, check=check)
+            self._follow(check)
+            return self._exact[1]
+        self.warm(coarse)
+        assert self._few is not None  # made by warm
+        few = self._few.of(light, at_once=_AT_ONCE)
+        return coarse.spread(np.maximum(few, 0), self._detail)
+
+    def warm(self, places: StandIns) -> None:
+        """Make ready what a drag would wait for."""
+        if self._few is None or self._few.places is not places:
+            self._few = SunBounces(self._operator, most=self._most, places=places)
+            self._follow(lambda: None)
+
+    def _follow(self, check: Callable[[], None]) -> None:
+        if self._few is not None and self._few.places is not None and self._exact is not None:
+            light, bounced = self._exact
+            self._detail = self._few.places.detail(bounced, np.maximum(self._few.of(light, check=check), 0))

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +22,18 @@ from ..lighting.placed_lights import Lamp, PlacedLight, PlacedPanel
 from ..lighting.quantities import Triple
 from ..lighting.rig import Rig
 from ..storage.bake import Bake
+from .direct_to_indirect import AtStandIns
 from .environment import Update
 from .pixel_light import PointLit
 from .placed_caustics import PlacedCaustics
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
 from .placed_gloss import PlacedGloss
 from .sky_direct import SkyDirect
+from .stand_ins import Detail, StandIns
 from .stored_transfer import open_transfer
 
 _REMEMBERED = 8  # lights that were lit, and may come back
+_FEW_RAYS = 2  # from each vertex to a light that is dragged
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class _Brought:
     indirect: Radiance
     inside: bool  # a solid
     rays: float = math.inf  # to it, from each vertex
-    coarse: bool = False
+    coarse: bool = False  # found while a hand drags
 
 
 class TransferRelighter:
@@ -55,12 +58,6 @@ class TransferRelighter:
         Of its transfer layer; the first if not given.
     shadow_rays
         From each vertex to each light that is not a point; 16 for what moves, more for a still picture.
-
-    Attributes
-    ----------
-    coarse
-        Leave what bounces more than once to the modes, in half of the time: for a light while it moves. Lights that
-        were made so are made anew when this is False again.
 
     Raises
     ------
@@ -83,8 +80,10 @@ class TransferRelighter:
         self._known: OrderedDict[PlacedLight, _Brought] = OrderedDict()
         self._lit: list[tuple[PlacedLight, PlacedLight]] = []  # each light, and itself of colour 1
         self._environment: tuple[Environment, _Brought] | None = None
+        self._few: tuple[StandIns, AtStandIns] | None = None
+        self._few_rays = self._placed.with_rays(_FEW_RAYS)
+        self._detail: tuple[_Brought, Detail] | None = None
         self.last = Update("none", 0.0, 0, 0)
-        self.coarse = False
 
     @property
     def shadow_rays(self) -> int:
@@ -95,25 +94,33 @@ class TransferRelighter:
     def shadow_rays(self, rays: int) -> None:
         self._placed.shadow_rays = rays
 
-    def light(self, rig: Rig) -> bool:
-        """Take the rig's lamps, as they are at its beginning, and its environment; True if something changed."""
-        return self.shine(rig.lamps_at(0.0), rig.environment)
+    def light(
+        self, rig: Rig, *, coarse: StandIns | None = None, check: Callable[[], None] = lambda: None
+    ) -> bool:
+        """Take the rig's lamps, as they are at its beginning, and its environment; True if something changed.
 
-    def shine(self, lights: Iterable[PlacedLight], environment: Environment | None = None) -> bool:
+        ``coarse``: what is new has two shadow rays, and what bounces of it more than once comes by modes, all of it at
+        stand-ins; of the sky direct light too.
+        """
+        return self.shine(rig.lamps_at(0.0), rig.environment, coarse=coarse, check=check)
+
+    def shine(
+        self,
+        lights: Iterable[PlacedLight],
+        environment: Environment | None = None,
+        *,
+        coarse: StandIns | None = None,
+        check: Callable[[], None] = lambda: None,
+    ) -> bool:
         """Be lit by these lights and nothing else; True if that is a change. Lights of colour 0 take no time."""
         began = time.perf_counter()
         lit = [(light, white(light)) for light in lights if max(light.colour) > 0]
-        rays = self._placed.shadow_rays
-        missing = dict.fromkeys(
-            key for _, key in lit if key not in self._known or not self._is_enough(self._known[key], rays)
-        )
+        missing = dict.fromkeys(key for _, key in lit if not self._has(key, coarse))
         for key in missing:
-            inside = self._placed.is_inside(key)
-            sent_on = None if inside else self._sent_on(key)
-            found = self._brought(self._placed.of(key), sent_on, inside=inside)
-            is_exact = isinstance(key, Lamp) and key.radius == 0 and sent_on is None
-            self._known[key] = found if is_exact else replace(found, rays=rays)
-        sky = self._sky_of(environment)
+            check()
+            self._known[key] = self._found(key, check) if coarse is None else self._roughly(key, coarse)
+        check()
+        sky = self._sky_of(environment, coarse, check)
         new = len(missing) + (sky is not self._environment and sky is not None)
         changed = bool(missing) or lit != self._lit or sky is not self._environment
         self._lit, self._environment = lit, sky
@@ -125,38 +132,84 @@ class TransferRelighter:
         self.last = Update(kind, took, new * self._indirect.bytes, new)
         return changed
 
-    def _sky_of(self, environment: Environment | None) -> tuple[Environment, _Brought] | None:
+    @property
+    def is_coarse(self) -> bool:
+        """Whether some of its lights were made while a hand dragged."""
+        sky = self._environment is not None and self._environment[1].coarse
+        return sky or any(self._known[key].coarse for _, key in self._lit)
+
+    def warm(self, places: StandIns) -> None:
+        """Make ready what the first drag would wait for."""
+        if self._few is None or self._few[0] is not places:
+            self._few = places, AtStandIns(self._indirect, places)
+
+    def _has(self, key: PlacedLight, coarse: StandIns | None) -> bool:
+        """Whether there is no need to make a light."""
+        known = self._known.get(key)
+        return known is not None and (
+            coarse is not None or (not known.coarse and known.rays >= self._placed.shadow_rays)
+        )
+
+    def _found(self, key: PlacedLight, check: Callable[[], None]) -> _Brought:
+        """A light, exactly."""
+        inside = self._placed.is_inside(key)
+        sent_on = None if inside else self._sent_on(key, self._placed)
+        direct = self._placed.of(key)
+        check()
+        bounced = self._indirect.bounced(direct if sent_on is None else direct + sent_on, check=check)
+        is_exact = isinstance(key, Lamp) and key.radius == 0 and sent_on is None
+        rays = math.inf if is_exact else self._placed.shadow_rays
+        return _Brought(direct, bounced if sent_on is None else sent_on + bounced, inside, rays)
+
+    def _roughly(self, key: PlacedLight, places: StandIns) -> _Brought:
+        """A light while it is dragged; the detail between stand-ins is that of an exact one, so the first is exact."""
+        before = [(known.position, found) for known, found in self._known.items()
+                  if type(known) is type(key) and not found.coarse]  # fmt: skip
+        if not before:
+            return self._found(key, lambda: None)
+        near = min(before, key=lambda one: math.dist(one[0], key.position))[1]
+        sent_on = self._sent_on(key, self._few_rays)
+        direct = self._few_rays.of(key)
+        bounced = self._spread(direct if sent_on is None else direct + sent_on, places, near)
+        return _Brought(direct, bounced if sent_on is None else sent_on + bounced, False, coarse=True)
+
+    def _spread(self, light: Radiance, places: StandIns, before: _Brought | None) -> Radiance:
+        """(V, 3) what bounces of light, from the stand-ins."""
+        self.warm(places)
+        assert self._few is not None  # made by warm
+        if before is not None and (self._detail is None or self._detail[0] is not before):
+            self._detail = before, places.detail(before.indirect)
+        detail = None if before is None or self._detail is None else self._detail[1]
+        return places.spread(self._few[1].bounced(light), detail)
+
+    def _sky_of(
+        self, environment: Environment | None, coarse: StandIns | None, check: Callable[[], None]
+    ) -> tuple[Environment, _Brought] | None:
         if environment is None or not max(environment.total) > 0:
             return None
         known = self._environment
-        if known is not None and known[0] is environment and self._is_enough(known[1]):
+        if known is not None and known[0] is environment and (coarse is not None or not known[1].coarse):
             return known
-        return environment, self._brought(self._sky.of(environment))
+        if coarse is not None:
+            direct = coarse.spread(self._sky.roughly(environment, coarse.rows))
+            return environment, _Brought(direct, self._spread(direct, coarse, None), False, coarse=True)
+        direct = self._sky.of(environment, check=check)
+        return environment, _Brought(direct, self._indirect.bounced(direct, check=check), False)
 
-    def _sent_on(self, light: PlacedLight) -> Radiance | None:
+    def _sent_on(self, light: PlacedLight, placed: PlacedDirect) -> Radiance | None:
         """What glass and mirrors make of it."""
         if self._caustics is None or not self._caustics.is_there:
             return None
-        return self._caustics.of(light, shadow_rays=self._placed.shadow_rays)
-
-    def _is_enough(self, known: _Brought, rays: float = 0.0) -> bool:
-        return known.rays >= rays and (self.coarse or not known.coarse)
-
-    def _brought(
-        self, direct: Radiance, sent_on: Radiance | None = None, *, inside: bool = False
-    ) -> _Brought:
-        if sent_on is None:
-            bounced = self._indirect.bounced(direct, coarse=self.coarse)
-        else:
-            bounced = sent_on + self._indirect.bounced(direct + sent_on, coarse=self.coarse)
-        return _Brought(direct, bounced, inside, coarse=self.coarse)
+        return self._caustics.of(light, shadow_rays=placed.shadow_rays)
 
     def _forget(self) -> None:
-        """Keep what is lit, and a few that were."""
-        for _, key in self._lit:
+        """Keep what is lit, and a few exact ones that were: a light that is dragged comes by no place twice."""
+        lit = {key for _, key in self._lit}
+        for key in [key for key, known in self._known.items() if known.coarse and key not in lit]:
+            del self._known[key]
+        for key in lit:
             self._known.move_to_end(key)
-        most = len({key for _, key in self._lit}) + _REMEMBERED
-        while len(self._known) > most:
+        while len(self._known) > len(lit) + _REMEMBERED:
             self._known.popitem(last=False)
 
     @property

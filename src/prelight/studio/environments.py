@@ -13,6 +13,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import timedelta
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,7 @@ _SKY = (256, 512)  # rows and columns of what is shown behind the scene
 _PREVIEW = (128, 256)
 _SMALL_CUBE = 48  # R of the map that is turned while it is dragged
 _METERED_CUBE = 32
+_ROUGH_SKY = 48  # rows of the sky of an hour while it is dragged
 
 
 class Environments:
@@ -110,10 +112,13 @@ class Environments:
             raise InputError("environment", f"{source[:80]!r} {reason}")
         return named[0]
 
-    def open(self, key: str) -> Environment:
-        """The environment of an id. Raises InputError if there is none, or its file cannot be read."""
+    def open(self, key: str, *, roughly: bool = False) -> Environment:
+        """The environment of an id. Raises InputError if there is none, or its file cannot be read.
+
+        ``roughly``: of an hour, with a sky of few pixels, if it is not there already.
+        """
         if is_daylight(key):
-            return self._daylight(key)
+            return self._daylight(key, roughly=roughly)
         if (known := self._opened.get(key)) is not None:
             return known  # without waiting for another map that is being read
         with self._opening:
@@ -123,7 +128,9 @@ class Environments:
                 self._opened.popitem(last=False)
             return environment
 
-    def _daylight(self, key: str) -> Environment:
+    def _daylight(self, key: str, *, roughly: bool) -> Environment:
+        if roughly and key not in self._hours:
+            return daylight_of(key).environment(_ROUGH_SKY)
         with self._opening:
             if key not in self._hours:
                 self._hours[key] = daylight_of(key).environment()
@@ -247,12 +254,30 @@ def _averaged(environment: Environment, rows: int, columns: int) -> Float32[np.n
 
 
 def small(environment: Environment) -> Environment:
-    """A coarse cube map with the same light, quick to turn; discs that belong to it stay discs."""
+    """A coarse map with the same light, quick to turn; discs that belong to it stay discs."""
+    if environment.layout == "latlong" and len(environment.pixels) <= _ROUGH_SKY and not environment.parts:
+        return environment
     if environment.layout == "cube" and environment.pixels.shape[1] <= _SMALL_CUBE and not environment.parts:
         return environment
     return replace(
         Environment.from_cube(environment.with_discs(()).cube(_SMALL_CUBE)), discs=environment.discs
     )
+
+
+def turned(coarse: Environment, degrees: float) -> Environment:
+    """A ``small`` map turned, as it is seen at the middles of texels; its light is kept, in a tenth of the time."""
+    if degrees % 360 == 0 and coarse.layout == "cube":
+        return coarse
+    whole, side = coarse.with_discs(()), _SMALL_CUBE
+    seen = whole.rotated(degrees).radiance_along(_texels(side)).reshape(6, side, side, 3)
+    found = np.einsum("fijk,ij->k", seen, cube_map.solid_angles(side), dtype=np.float64)
+    seen *= np.divide(whole.total, found, out=np.ones(3), where=found > 0).astype(np.float32)
+    return replace(Environment.from_cube(seen), discs=coarse.rotated(degrees).discs)
+
+
+@lru_cache(maxsize=2)
+def _texels(side: int) -> Directions:
+    return cube_map.texel_directions(np.arange(6 * side * side, dtype=np.int32), side)
 
 
 def suitable_stops(environment: Environment) -> float:
@@ -283,9 +308,9 @@ def sky_words(environment: Environment) -> UInt32[np.ndarray, "texels"]:
 
 def words_of_map(radiance: Radiance) -> UInt32[np.ndarray, "texels"]:
     """Radiance (texels, 3) in rgb9e5."""
-    from .rgb9e5_kernels import pack
+    from .rgb9e5_kernels import pack_alone
 
     pixels = np.ascontiguousarray(radiance, np.float32)
     out = np.empty(len(pixels), np.uint32)
-    pack(pixels, np.ones(3, np.float32), np.zeros_like(pixels), out, 1)
+    pack_alone(pixels, out)
     return out

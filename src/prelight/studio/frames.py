@@ -10,7 +10,7 @@ from ..errors import InputError
 FRAME_MAGIC = 0x31524C50  # "PLR1"
 FRAME_EXACT = 1  # flag: the exact light, until something changes; otherwise a first answer
 FRAME_ASIDE = 2  # flag: of a look to compare with, not of what is lit; needs no ``Seen``
-FRAME_VIEW = 4  # flag: what depends on the eye, the answer to ``LookFrom``; needs no ``Seen``
+FRAME_VIEW = 4  # flag: what depends on the eye, the answer to ``LookFrom``; with FRAME_ASIDE, of a look
 FRAME_SHINE = (
     8  # flag of such: it begins with two words a vertex, four half floats, the first three to be added
 )

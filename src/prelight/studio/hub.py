@@ -316,7 +316,7 @@ class Hub:
             ]:
                 raise InputError("SetGlass.portal", f"{message.glass.portal[:60]!r} is none of this bake's")
             if isinstance(message, Compare):
-                self._session.compare(message.look, visitor=visitor.number)
+                self._session.compare(message.look, visitor=visitor.number, eye=message.eye)
                 return
             if isinstance(message, LookFrom):
                 self._session.look_from(message.eye, visitor=visitor.number)

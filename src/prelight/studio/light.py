@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -23,7 +24,7 @@ from ..relighting.pace import Pace
 from ..relighting.relighter import Relighter
 from ..relighting.strong_lights import NO_LIGHTS, StrongLights, strong_discs
 from ..storage.bake import Bake
-from .environments import Environments, small
+from .environments import Environments, small, turned
 from .frames import HEADER_BYTES
 from .protocol import MOST_DISCS, State
 from .protocol_values import LayerPace
@@ -71,8 +72,7 @@ class Light:
     def __init__(self, bake: Bake, environments: Environments) -> None:
         self._environments = environments
         self._sky = Relighter(bake, trace_strong=False)
-        self._front = Relighter(bake, trace_strong=False)  # the discs, in front of darkness
-        self._dark = self._front.environment
+        self._dark = self._sky.environment
         rows = len(self._sky.clustered_irradiance)
         self._no_light = np.zeros((rows, 3), np.float32)
         self._map: Lit | None = None
@@ -82,6 +82,11 @@ class Light:
         self._mirrored: tuple[tuple[object], tuple[object, object]] = (None,), (None, None)
         self._packer = Packer()
         self._layers: tuple[LayerPace, ...] = ()
+
+    @cached_property
+    def _front(self) -> Relighter:
+        """For the discs, in front of darkness. The first picture does not wait for it."""
+        return Relighter(self._sky.bake, trace_strong=False)
 
     @property
     def rows(self) -> int:
@@ -160,14 +165,13 @@ class Light:
 
     def _coarse_map(self, name: str, rotation_deg: float) -> Lit:
         """The map at low resolution, no lights traced."""
-        turned = self._small_map(name).rotated(rotation_deg)
-        cube = turned.cube(min(_COARSE_RESOLUTION, self._sky.resolution))
+        cube = turned(self._small_map(name), rotation_deg).cube(min(_COARSE_RESOLUTION, self._sky.resolution))
         self._sky.light(Environment.from_cube(cube), trace_strong=False)
         return Lit((name, rotation_deg), self._sky.clustered_irradiance, exact=False)
 
     def _small_map(self, name: str) -> Environment:
         if self._small is None or self._small[0] != name:
-            self._small = name, small(self._environments.open(name))
+            self._small = name, small(self._environments.open(name, roughly=True))
         return self._small[1]
 
     def _exact_map(self, name: str, rotation_deg: float, *, check: Callable[[], None]) -> Lit:

@@ -44,7 +44,7 @@ from .protocol_values import (
     WorldView,
 )
 
-PROTOCOL_VERSION = 4
+PROTOCOL_VERSION = 5
 LARGEST_MESSAGE = 65_536  # bytes of text from a page: a whole rig file
 MOST_DISCS, MOST_LAMPS, MOST_LOOKS, MOST_PORTALS = 32, 32, 32, 200
 MOST_KEYS = 64  # of the timeline
@@ -182,10 +182,12 @@ class SetTimeline(Message):
 class Compare(Message):
     """Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame.
 
-    Null: the light before the last step that can be undone.
+    Null: the light before the last step that can be undone. With an eye, what depends on it follows where there is
+    such: one more frame, flagged ``FRAME_ASIDE | FRAME_VIEW``.
     """
 
     look: Title | None
+    eye: tuple[Metres, Metres, Metres] | None = None
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,15 @@ def _pack_some(sky, gain, discs, out, begin, end):
         )
 
 
-@njit([types.void(_READ_ROWS, f4[::1], _READ_ROWS, u4[::1], i8)], parallel=True, cache=True)
+@njit([types.void(_READ_ROWS, u4[::1])], cache=True, nogil=True)
+def pack_alone(radiance, out):
+    """out[i] = rgb9e5(radiance[i]), rows (n, 3), by the thread that calls: for any thread at any time."""
+    one, nothing = np.ones(3, np.float32), np.zeros((1, 3), np.float32)
+    for i in range(len(out)):
+        _pack_some(radiance[i : i + 1], one, nothing, out[i : i + 1], 0, 1)
+
+
+@njit([types.void(_READ_ROWS, f4[::1], _READ_ROWS, u4[::1], i8)], parallel=True, cache=True, nogil=True)
 def pack(sky, gain, discs, out, chunks):
     """out[i] = rgb9e5(sky[i] · gain + discs[i]); rows (n, 3), gain (3,), in ``chunks`` parts side by side."""
     for k in prange(chunks):

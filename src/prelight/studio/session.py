@@ -26,7 +26,7 @@ from .rig_state import sky_id
 from .rig_toml import opened_rig
 
 if TYPE_CHECKING:
-    from .whole_light import Lighting, View
+    from .lit_rows import Lighting, View
 
 _REST = 0.15  # seconds without a change after which a hand that drags is at rest
 _STOP_PATIENCE = 3.0  # seconds
@@ -65,12 +65,16 @@ class Listener:
 
 @dataclass(frozen=True)
 class Aside:
-    """The light of a look, for the visitor who asked for it; ``data`` is a whole frame."""
+    """The light of a look, for the visitor who asked for it; ``data`` is a whole frame, and so is ``view``.
+
+    ``view``: what depends on the visitor's eye; None where it was not asked for, or there is no such thing.
+    """
 
     visitor: int
     look: str | None
     light: State
     data: bytes
+    view: bytes | None = None
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,9 @@ class Session:
         self._bake, self._environments, self._tell = bake, environments, listener
         self._history = History(state, looks, opened=lambda text, now: opened_rig(text, now, environments))
         self._changed_at, self._dragging = time.monotonic(), False
-        self._asides: dict[tuple[int, str | None], None] = {}  # looks that visitors asked for
+        self._asides: dict[
+            tuple[int, str | None], Triple | None
+        ] = {}  # looks that visitors asked for, and their eyes
         self._eyes: dict[int, Triple] = {}  # from where visitors want to see
         self._eyes_after = 0.0  # when the next of them may be answered: light goes first
         self._worlds: set[str] = set()  # that have been read
@@ -158,8 +164,10 @@ class Session:
             self._news.notify_all()
             return state
 
-    def compare(self, look: str | None, *, visitor: int) -> None:
+    def compare(self, look: str | None, *, visitor: int, eye: Triple | None = None) -> None:
         """Light a look for one visitor when nothing else is to do; None: as it was before the last step.
+
+        ``eye``: from where it is seen; a newer one replaces one that still waits.
 
         Raises InputError if none has that name, or a visitor asks for more than there can be.
         """
@@ -168,7 +176,7 @@ class Session:
                 self._history.look(look)
             if sum(who == visitor for who, _ in self._asides) > MOST_LOOKS:
                 raise InputError("Compare", f"more than {MOST_LOOKS} looks are asked for already")
-            self._asides[visitor, look] = None
+            self._asides[visitor, look] = eye
             self._news.notify_all()
 
     def look_from(self, eye: Triple, *, visitor: int) -> None:
@@ -195,7 +203,7 @@ class Session:
     def _run(self) -> None:
         try:
             self._tell.waiting("opening the bake (the first time, compiling for this machine too: a minute)")
-            from .whole_light import lighting_of  # brings the compiler along: the page need not wait for it
+            from .lighting import lighting_of  # brings the compiler along: the page need not wait for it
 
             light = lighting_of(self._bake, self._environments)
             is_warm, is_first = False, True
@@ -209,7 +217,7 @@ class Session:
                 if is_first:
                     self._tell.waiting(None)
                 self._answer_eyes(light)
-                if wanted[1] and not is_warm:
+                if not is_warm and self._shown is not None and self._shown[1]:
                     light.warm(wanted[0])
                     is_warm = True
                 is_first = False
@@ -283,14 +291,16 @@ class Session:
 
         while self._asides:
             with self._news:
-                visitor, name = next(iter(self._asides), (0, None))
+                (visitor, name), eye = next(iter(self._asides.items()), ((0, None), None))
             try:
                 look = self._history.before if name is None else self._history.look(name)
                 self._lit = None
                 light.relight(look, exact=True, check=check)
                 data = light.frame(look)
                 FrameHeader(0, look.sequence, light.rows, 0.0, FRAME_EXACT | FRAME_ASIDE).write(data)
-                self._tell.aside(Aside(visitor, name, look, bytes(data)))
+                seen = None if eye is None else light.view(look, eye)
+                view = _view_frame(look, seen, FRAME_ASIDE) if seen is not None and seen.is_any else None
+                self._tell.aside(Aside(visitor, name, look, bytes(data), view))
             except InputError as error:
                 self._tell.refused(error)
             except Superseded:
@@ -298,7 +308,8 @@ class Session:
                     raise
                 return  # again when that one is shown
             with self._news:
-                self._asides.pop((visitor, name), None)
+                if self._asides.get((visitor, name)) == eye:  # or it is asked for from elsewhere by now
+                    self._asides.pop((visitor, name), None)
 
     def _show(self, light: Lighting, state: State, exact: bool) -> None:
         """Light a state and tell; nothing, if there is a newer one before an exact answer is found."""
@@ -352,16 +363,21 @@ class Session:
         """The same with the exposure of its map, which is open by now; the session's too, if it is still this one."""
         known = replace(state, stops=self._environments.stops(sky_id(state)))
         with self._news:
-            if self.state is state:
+            now = self.state
+            if now is state:
                 self._history.note(known)
                 self._tell.stops(known)
+            elif now.stops is None and now.environment == state.environment:
+                # Otherwise each step of a drag would ask again.
+                self._history.note(replace(now, stops=known.stops))
+                self._tell.stops(self.state)
         return known
 
 
-def _view_frame(state: State, view: View | None) -> bytes:
+def _view_frame(state: State, view: View | None, flags: int = 0) -> bytes:
     shine = b"" if view is None or view.shine is None else view.shine.tobytes()
     world = b"" if view is None or view.world is None else view.world.tobytes()
-    flags = FRAME_VIEW | (FRAME_SHINE if shine else 0) | (FRAME_WORLD if world else 0)
+    flags |= FRAME_VIEW | (FRAME_SHINE if shine else 0) | (FRAME_WORLD if world else 0)
     head = bytearray(HEADER_BYTES)
     FrameHeader(0, state.sequence, (len(shine) + len(world)) // 4, 0.0, flags).write(head)
     return bytes(head) + shine + world

@@ -11,13 +11,14 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import DamagedBakeError, InputError
+from ..relighting.takers import found_layer
 from ..storage.bake import Bake
 from ..storage.manifest import LayerRecord
+from .kinds import Taken, glossy, is_sky_alone, panes_of, steered_of, takes_of
 from .protocol_values import CameraView, PortalView, SteeredView
 
 if TYPE_CHECKING:
     from ..relighting.relighter import Relighter
-    from .kinds import Taken
 
 _SHAPES = {"f4": "<f4", "u4": "<u4", "u1": "u1"}
 
@@ -34,45 +35,26 @@ class Shown:
 
     @cached_property
     def _found(self) -> tuple[str, LayerRecord] | None:
-        """The environment layer that is shown; None where there are others: they light vertices, for any eye.
-
-        What is imported for it brings the compiler along: the page need not wait for that.
-        """
-        from .kinds import QUICK, vertex_kinds
-
-        if vertex_kinds(self.bake) != {QUICK} or any(
-            r.kind == "steerable" for r in self.bake.layers.values()
-        ):
-            return None
-        from ..relighting.layer import found_layer
-
-        return found_layer(self.bake)
+        """The environment layer that is shown; None where there are others: they light vertices, for any eye."""
+        return found_layer(self.bake) if is_sky_alone(self.bake) else None
 
     @cached_property
     def takes(self) -> tuple[Taken, ...]:
         """What of a rig the bake can be lit by."""
-        from .kinds import takes_of
-
         return takes_of(self.bake)
 
     @cached_property
     def steered(self) -> SteeredView | None:
         """What steerable layers light."""
-        from .kinds import steered_of
-
         return steered_of(self.bake)
 
     @cached_property
     def glossy(self) -> bool:
         """Whether what is seen depends on the eye."""
-        from .kinds import glossy
-
         return glossy(self.bake)
 
     @cached_property
     def _panes(self) -> tuple[tuple[PortalView, ...], np.ndarray]:
-        from .kinds import panes_of
-
         return panes_of(self.bake)
 
     @property

@@ -115,6 +115,8 @@ class Visitor:
                 aside = self._asides.pop(next(iter(self._asides)))
                 await text(encode(Compared(aside.look, aside.light)))
                 await data(aside.data)
+                if aside.view is not None:
+                    await data(aside.view)
             while self._views:
                 await data(self._views.pop(next(iter(self._views))))
             if self._frame is not None and len(self._in_flight) < FRAMES_IN_FLIGHT:

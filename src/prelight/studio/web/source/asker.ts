@@ -1,8 +1,7 @@
 // What depends on the eye is asked for when the eye or the light has changed: one question at a time, always the newest.
 
 import type { ClientMessage } from "./messages";
-
-type Place = [number, number, number];
+import type { Place } from "./sides";
 
 export class Asker {
   private asked: string | null = null; // what the last question was about

@@ -10,8 +10,8 @@ export interface Frame {
   sequence: number;
   milliseconds: number;
   exact: boolean;
-  /** Light as it is set; of a look to compare with; what depends on the eye; a picture by the path tracer. */
-  kind: "light" | "aside" | "view" | "traced";
+  /** Light as it is set; of a look to compare with; what depends on the eye, also of a look; a picture by the path tracer. */
+  kind: "light" | "aside" | "view" | "aside view" | "traced";
   /** One rgb9e5 a row, but of a view: what arrived itself, nothing is copied. */
   radiance: Uint32Array<ArrayBuffer>;
   /** Of a view: four half floats a vertex, the first three to be added; null where nothing shines. */
@@ -34,9 +34,14 @@ export function readFrame(data: ArrayBuffer): Frame | null {
     sequence: header.getUint32(HEADER.sequence, true),
     milliseconds: header.getFloat32(HEADER.milliseconds, true),
     exact: (flags & FRAME_EXACT) !== 0,
-    kind: flags & FRAME_ASIDE ? "aside" : flags & FRAME_VIEW ? "view" : flags & FRAME_TRACED ? "traced" : "light",
+    kind: kindOf(flags),
     radiance: new Uint32Array(data, HEADER_BYTES, count),
     shine: flags & FRAME_SHINE ? new Uint16Array(data, HEADER_BYTES, 2 * (count - map)) : null,
     world: map > 0 ? new Uint32Array(data, HEADER_BYTES + 4 * (count - map), map) : null,
   };
+}
+
+function kindOf(flags: number): Frame["kind"] {
+  if (flags & FRAME_VIEW) return flags & FRAME_ASIDE ? "aside view" : "view";
+  return flags & FRAME_ASIDE ? "aside" : flags & FRAME_TRACED ? "traced" : "light";
 }

@@ -35,8 +35,25 @@ export interface Geometry {
 
 const BYTES = { f4: 4, u4: 4, u1: 1 } as const;
 
-/** Fetch a bake's geometry; `report` hears bytes so far and bytes in all. Raises Error with a sentence. */
-export async function fetchGeometry(report: (done: number, all: number) => void): Promise<Geometry> {
+/** Hears bytes so far and bytes in all. */
+type Report = (done: number, all: number) => void;
+
+/** The geometry that is asked for while the page still begins; for the first bake that it shows. */
+export class EarlyGeometry {
+  private report: Report = () => undefined;
+  private fetched: Promise<Geometry | null> | null = fetchGeometry((done, all) => this.report(done, all)).catch(() => null);
+
+  /** What was asked for early, once and if it is of as many vertices; else it is fetched now. Raises as `fetchGeometry`. */
+  async of(vertices: number, report: Report): Promise<Geometry> {
+    this.report = report;
+    const early = await this.fetched;
+    this.fetched = null;
+    return early?.positions.length === 3 * vertices ? early : fetchGeometry(report);
+  }
+}
+
+/** Fetch a bake's geometry. Raises Error with a sentence. */
+async function fetchGeometry(report: Report): Promise<Geometry> {
   const index = (await (await fetched("/geometry.json")).json()) as Index;
   const names = ["positions", "normals", "triangles", "material_of", "albedo", "tint", "uv", "pane", "coverage"];
   const places = new Map(names.flatMap((name) => Object.entries(index.arrays).filter(([key]) => key === name)));

@@ -11,9 +11,9 @@ const ANOTHER_BAKE = 4001; // 1012 is what a server says that ends
 export type Standing = { is: "open" } | { is: "lost"; retryMs: number } | { is: "ended"; reason: string };
 
 export interface Listener {
-  message(message: ServerMessage): void;
-  frame(data: ArrayBuffer): void;
-  standing(standing: Standing): void;
+  message(message: ServerMessage): unknown;
+  frame(data: ArrayBuffer): unknown;
+  standing(standing: Standing): unknown;
 }
 
 /** One socket at a time, to the studio that served this page. */
@@ -23,9 +23,16 @@ export class Link {
   private timer = 0;
   private ended = false;
 
-  constructor(private readonly listener: Listener) {}
+  private constructor(private readonly listener: Listener) {}
 
-  open(): void {
+  /** A connection that is being made: its listener hears of it later, never before this returns. */
+  static opened(listener: Listener): Link {
+    const link = new Link(listener);
+    link.open();
+    return link;
+  }
+
+  private open(): void {
     window.clearTimeout(this.timer);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/socket`);

@@ -1,7 +1,7 @@
 // The page of prelight studio: connects what the studio says to what is seen, and what is touched to the studio.
 
 import "./studio.css";
-import { fetchGeometry } from "./geometry";
+import { EarlyGeometry } from "./geometry";
 import { readFrame } from "./frames";
 import { Link, type Standing } from "./link";
 import type { ServerMessage, State, Welcome } from "./messages";
@@ -32,16 +32,18 @@ import { type Effect, type Placement, Placing, anglesOf } from "./view/placing";
 import { Stage } from "./view/stage";
 
 const TURN_KEY_DEG = 5;
+const MAPS_AFTER_MS = 2000; // from the first light, where its exact answer takes longer
 
 class Page {
+  private readonly geometry = new EarlyGeometry(); // and the connection: both are made while the stage is
+  private readonly link = Link.opened({
+    message: (message) => this.isBegun && this.take(message),
+    frame: (data) => this.isBegun && this.takeFrame(data),
+    standing: (standing) => this.isBegun && this.takeStanding(standing),
+  });
   private readonly metrics = new Metrics();
   private readonly notices = new Notices(found("notices"));
   private readonly stage = new Stage(found("stage"), this.metrics);
-  private readonly link = new Link({
-    message: (message) => this.take(message),
-    frame: (data) => this.takeFrame(data),
-    standing: (standing) => this.takeStanding(standing),
-  });
   private readonly rig = new Rig((change) => this.link.send(change));
   private readonly placing = new Placing(this.stage, {
     place: (placement) => this.place(placement),
@@ -78,6 +80,7 @@ class Page {
   private welcome: Welcome | null = null;
   private unshown: State | null = null;
   private filming: (() => void) | null = null;
+  private isBegun = false; // not where nothing can be drawn
 
   start(): void {
     this.metrics.version = PROTOCOL_VERSION;
@@ -110,6 +113,7 @@ class Page {
       this.shown.see(this.welcome);
       const { shownExact, shownSequence } = this.metrics;
       if (shownExact && shownSequence === this.rig.sequence) this.picture.lit();
+      if (shownExact) this.sky.fetchMaps();
     });
     const help = bindKeys([
       { keys: ["[", ","], shown: "[", does: "turn the sky to the left", run: () => this.turn(TURN_KEY_DEG) },
@@ -129,7 +133,7 @@ class Page {
     ]);
     found("pace").append(button("?", () => help(), { class: "help", "aria-label": "Keys", title: "Keys (?)" }));
     this.expose();
-    this.link.open();
+    this.isBegun = true;
   }
 
   private take(message: ServerMessage): void {
@@ -211,7 +215,7 @@ class Page {
       this.lamps.part.hidden = this.handles.host.hidden = !takes("lamps") && !takes("steered");
       this.picture.indoors = welcome.takes.some((what) => what !== "environment");
       this.picture.allowIlluminance(welcome.pixels === null && welcome.eye === null);
-      this.sky.offer(welcome.environments);
+      this.sky.offer(welcome.environments, welcome.state.environment);
       this.cameras.offer(welcome);
     }
     document.documentElement.classList.toggle("picture", welcome.pixels !== null);
@@ -221,7 +225,7 @@ class Page {
     this.shown.reset(); // after a lost connection
     if (isSame) return;
     try {
-      const geometry = await fetchGeometry((done, all) => {
+      const geometry = await this.geometry.of(welcome.vertices, (done, all) => {
         const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
         this.notices.opening(`Opening ${welcome.name}: ${megabytes(done)} of ${megabytes(all)} MB`, done / all);
       });
@@ -238,8 +242,10 @@ class Page {
 
   /** Lift the veil once there is both a scene and light on it. */
   private opened(): void {
-    if (this.metrics.ready && this.metrics.updates > 0) this.notices.opened();
-    else if (this.metrics.ready) this.notices.opening("Waiting for the first light");
+    if (this.metrics.ready && this.metrics.updates > 0) {
+      this.notices.opened();
+      window.setTimeout(() => this.sky.fetchMaps(), MAPS_AFTER_MS);
+    } else if (this.metrics.ready) this.notices.opening("Waiting for the first light");
   }
 
   private showLamps(): void {
@@ -334,6 +340,7 @@ class Page {
       settled: () =>
         metrics.ready && !rig.isWaiting && metrics.shownExact && metrics.shownSequence >= rig.sequence &&
         metrics.lastSequence === metrics.shownSequence && metrics.sky === rig.look.environment,
+      resting: () => !stage.isWanted,
       change: (values: object, dragging: boolean) => rig.change(values, { dragging }),
     };
     Object.defineProperty(window, "__prelight", { value: shown });

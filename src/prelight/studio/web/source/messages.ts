@@ -1,6 +1,6 @@
 // Written by prelight.studio.typescript from protocol.py: change that and write this anew.
 
-export const PROTOCOL_VERSION = 4;
+export const PROTOCOL_VERSION = 5;
 export const MOST_DISCS = 32;
 export const MOST_LAMPS = 32;
 export const MOST_LOOKS = 32;
@@ -244,10 +244,11 @@ export interface Mark {
   number: number;
 }
 
-/** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. Null: the light before the last step that can be undone. */
+/** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. Null: the light before the last step that can be undone. With an eye, what depends on it follows where there is such: one more frame, flagged ``FRAME_ASIDE | FRAME_VIEW``. */
 export interface Compare {
   type: "Compare";
   look: string | null;
+  eye?: [number, number, number] | null;
 }
 
 /** Send what depends on the eye, once, as it is seen from here: a frame flagged ``FRAME_VIEW``. */

@@ -22,6 +22,7 @@ export class Metrics {
   sides = false; // whether all that is compared has come
   traced = false; // whether the path tracer has sent a picture
   views = 0; // of what depends on the eye
+  asideViews = 0; // the same of looks that are compared
   lamps = false; // whether what steerable lamps bring is seen
   sky = ""; // of which environment the map behind the scene is
   readonly scriptMs: number[] = [];

@@ -11,7 +11,7 @@ import { TimelinePanel } from "./panel/timeline_panel";
 import { TracerPanel } from "./panel/tracer_panel";
 import { download, filmed } from "./recorder";
 import type { Rig } from "./rig";
-import { Sides, TRACED, ofLook } from "./sides";
+import { type Place, Sides, TRACED, ofLook } from "./sides";
 import { between } from "./timeline";
 import type { Stage } from "./view/stage";
 
@@ -63,7 +63,6 @@ export class Shown {
   /** Another bake. */
   open(welcome: Welcome): void {
     this.looks.stop();
-    this.looks.shines(welcome.glossy);
     this.tracer.allow(welcome.no_tracer);
     this.dropTraced();
   }
@@ -95,6 +94,9 @@ export class Shown {
     } else if (frame.kind === "aside" && this.other !== null) {
       this.sides.take(this.other.look, this.other.light, frame.radiance);
       metrics.sides = this.sides.isComplete;
+    } else if (frame.kind === "aside view" && this.other !== null) {
+      this.sides.takeView(this.other.look, frame);
+      metrics.asideViews += 1;
     } else if (frame.kind === "traced" && this.tracing !== null) {
       const isFirst = !metrics.traced;
       metrics.traced = true;
@@ -107,10 +109,11 @@ export class Shown {
   /** What depends on the eye is asked for, as it is seen in this picture. */
   see(welcome: Welcome | null): void {
     const { rig, stage } = this.parts;
-    if (welcome === null || (!welcome.glossy && rig.look.world === null)) return;
+    if (welcome === null) return;
     const { x, y, z } = stage.eye.camera.position;
-    const eye = [x, y, z].map((value) => Number(value.toPrecision(6))) as [number, number, number];
-    this.asker.see({ eye, light: this.light });
+    const eye = [x, y, z].map((value) => Number(value.toPrecision(6))) as Place;
+    this.sides.see(welcome.glossy || welcome.worlds.length > 0 ? eye : null);
+    if (welcome.glossy || rig.look.world !== null) this.asker.see({ eye, light: this.light });
   }
 
   /** Looks that were kept, or taken back, are fetched again where they are seen. */

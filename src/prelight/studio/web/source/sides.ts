@@ -1,7 +1,10 @@
 // Which two lights are seen: what is set or a look on the left, a look or the path tracer on the right; fetched when wanted.
 
+import type { Frame } from "./frames";
 import type { CameraView, ClientMessage, State } from "./messages";
 import type { Lit, Stage } from "./view/stage";
+
+export type Place = [number, number, number];
 
 export const NOW = "now";
 export const BEFORE = "before";
@@ -16,6 +19,7 @@ export interface Mix {
   wipe: number | null;
 }
 
+const REST_MS = 250; // of an eye, before looks are asked for as it sees them
 const ALONE: Mix = { left: NOW, right: null, share: 0, wipe: null };
 
 interface TracedPicture {
@@ -31,6 +35,8 @@ export class Sides {
   private traced: TracedPicture | null = null;
   private wanted: Mix = ALONE;
   private compared: unknown = null;
+  private eye: Place | null = null; // from where they are seen; null: they look the same from everywhere
+  private rest = 0;
 
   constructor(
     private readonly stage: Stage,
@@ -47,14 +53,43 @@ export class Sides {
   /** Fetch what will be shown soon. */
   need(side: string | null): void {
     if (side === null || side === NOW || side === TRACED || this.known.has(side) || this.asked.has(side)) return;
+    this.ask(side);
+  }
+
+  private ask(side: string): void {
     this.asked.add(side);
-    this.send({ type: "Compare", look: side === BEFORE ? null : side.slice(ofLook("").length) });
+    this.send({ type: "Compare", look: side === BEFORE ? null : side.slice(ofLook("").length), eye: this.eye });
+  }
+
+  /** They are seen from here; null: it makes no difference. When the eye rests they are fetched as it sees them. */
+  see(eye: Place | null): void {
+    if (String(eye) === String(this.eye)) return;
+    this.eye = eye;
+    window.clearTimeout(this.rest);
+    this.rest = window.setTimeout(() => this.lookAgain(), REST_MS);
+  }
+
+  private lookAgain(): void {
+    for (const side of this.known.keys()) {
+      if (side === this.wanted.left || side === this.wanted.right) this.ask(side);
+      else this.known.delete(side);
+    }
   }
 
   take(look: string | null, light: State, radiance: Uint32Array<ArrayBuffer>): void {
     const side = look === null ? BEFORE : ofLook(look);
     this.asked.delete(side);
-    this.known.set(side, { light, radiance });
+    const { shine = null, world = null } = this.known.get(side) ?? {};
+    this.known.set(side, { light, radiance, shine, world });
+    this.apply();
+  }
+
+  /** What a look that has come adds toward the eye. */
+  takeView(look: string | null, { shine, world }: Frame): void {
+    const side = look === null ? BEFORE : ofLook(look);
+    const known = this.known.get(side);
+    if (known === undefined) return;
+    this.known.set(side, { ...known, shine, world });
     this.apply();
   }
 
@@ -92,8 +127,7 @@ export class Sides {
     if (other === undefined) return; // soon
     if (other !== this.compared) {
       this.stage.showTraced(right === TRACED ? this.traced : null);
-      if (other !== null && "light" in other) this.stage.compare(other.light, other.radiance);
-      else this.stage.compare(null, null);
+      this.stage.compare(other !== null && "light" in other ? other : null);
     }
     this.compared = other;
     this.stage.mix(other === null ? ALONE : { share, wipe });

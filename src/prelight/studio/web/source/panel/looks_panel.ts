@@ -31,8 +31,6 @@ export class LooksPanel {
   private readonly comparing = element("div", { class: "comparing", role: "group", "aria-label": "Compare" });
   private readonly way: ReturnType<typeof choice<Way>>;
   private readonly share: ReturnType<typeof slider>;
-  private readonly dull = element("p", { class: "told" }, "Gloss is seen on what is set, not on the other side.");
-  private isGlossy = false;
   private chosen: Way = "wipe";
   private place = 0.5;
   private looks: readonly string[] = [];
@@ -53,7 +51,7 @@ export class LooksPanel {
     });
     this.rights.addEventListener("change", () => this.compare(this.rights.value));
     const sides = element("div", { class: "sides" }, this.lefts, this.rights);
-    this.comparing.append(sides, this.way.row, this.share.row, this.dull, element("div", { class: "buttons" }, done));
+    this.comparing.append(sides, this.way.row, this.share.row, element("div", { class: "buttons" }, done));
     this.name.addEventListener("keydown", (event) => event.key === "Enter" && this.save());
     this.name.placeholder = "Look 1";
     const naming = element("div", { class: "naming" }, this.name, this.keep);
@@ -72,12 +70,6 @@ export class LooksPanel {
     if (!this.isThere(this.left)) this.left = NOW;
     if (this.right !== null && !this.isThere(this.right)) this.stop();
     this.showList();
-    this.mix();
-  }
-
-  /** Whether surfaces shine toward the eye: looks that are compared have none of it. */
-  shines(isGlossy: boolean): void {
-    this.isGlossy = isGlossy;
     this.mix();
   }
 
@@ -160,7 +152,6 @@ export class LooksPanel {
     const { left, right, place } = this;
     const isWipe = this.chosen === "wipe";
     this.comparing.hidden = right === null;
-    this.dull.hidden = !this.isGlossy || right === TRACED;
     this.before.setAttribute("aria-pressed", String(right === BEFORE));
     this.way.show(this.chosen);
     this.share.show(100 * (isWipe ? 1 - place : place));

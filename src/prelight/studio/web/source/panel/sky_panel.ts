@@ -24,6 +24,9 @@ export class SkyPanel {
   private readonly tint = element("input", { type: "color", "aria-label": "Tint of the sky", title: "Tint" });
   private readonly thumbnails = new Map<string, { choice: EnvironmentChoice; button: HTMLButtonElement }>();
   private readonly maps = new Map<string, Promise<ImageBitmap>>();
+  private mayFetch: () => void = () => undefined;
+  private readonly isLit = new Promise<void>((lit) => (this.mayFetch = lit));
+  private queue: Promise<unknown> = this.isLit;
   private readonly sun: SunSettings;
   private readonly warmthRow: HTMLElement;
   private shownMap = "";
@@ -58,10 +61,16 @@ export class SkyPanel {
     this.part = section("Sky", this.choices, turning, this.sun.part, this.warmthRow);
   }
 
-  /** The maps to choose from; each with its picture. */
-  offer(choices: readonly EnvironmentChoice[]): void {
+  /** The scene is lit: its small pictures, which the studio paints, take nothing from that any more. */
+  fetchMaps(): void {
+    this.mayFetch();
+  }
+
+  /** The maps to choose from, one of which is lit; each with its picture. */
+  offer(choices: readonly EnvironmentChoice[], lit: string): void {
     this.choices.replaceChildren();
     this.thumbnails.clear();
+    if (choices.some(({ id }) => id === lit) && lit !== DAYLIGHT) void this.map(lit).catch(() => undefined); // the first
     for (const choice of choices) {
       const name = shortName(choice.id);
       const made = button("", () => this.rig.change({ environment: choice.id }), {
@@ -103,7 +112,7 @@ export class SkyPanel {
       const shown = (this.drawnMap = this.fetching = this.shownMap);
       const isHour = shown.startsWith(`${DAYLIGHT}:`);
       try {
-        const map = await (isHour ? fetchPreview(shown) : this.map(shown));
+        const map = await (isHour ? this.isLit.then(() => fetchPreview(shown)) : this.map(shown));
         this.dome.showMap(map);
         this.showMap(map);
       } catch {
@@ -118,10 +127,12 @@ export class SkyPanel {
   }
 
   private map(id: string): Promise<ImageBitmap> {
-    const known = this.maps.get(id) ?? fetchPreview(id);
-    this.maps.set(id, known);
-    known.catch(() => this.maps.delete(id));
-    return known;
+    const known = this.maps.get(id);
+    if (known !== undefined) return known;
+    const asked = this.queue.then(() => fetchPreview(id)); // one after the other
+    this.queue = asked.catch(() => this.maps.delete(id));
+    this.maps.set(id, asked);
+    return asked;
   }
 }
 

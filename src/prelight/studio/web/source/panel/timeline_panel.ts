@@ -52,6 +52,7 @@ export class TimelinePanel {
 
   show({ timeline, looks }: Look): void {
     this.part.hidden = looks.length === 0;
+    const isOther = JSON.stringify(timeline) !== JSON.stringify(this.keys);
     [this.keys, this.looks] = [timeline, looks];
     const drawn = JSON.stringify([timeline, looks]);
     if (drawn !== this.drawn && !this.list.contains(document.activeElement)) {
@@ -62,6 +63,7 @@ export class TimelinePanel {
     for (const made of [...this.buttons.children].slice(1)) (made as HTMLElement).hidden = timeline.length < 2;
     this.adder.disabled = timeline.length >= MOST_KEYS;
     if (this.input !== null) this.input.max = String(this.duration || 1);
+    if (isOther && !this.live.hidden && this.began === null) this.seek(Math.min(this.at, this.duration));
   }
 
   get duration(): number {

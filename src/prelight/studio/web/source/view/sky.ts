@@ -29,7 +29,9 @@ uniform float skyTurn[2];
 uniform vec3 backdrop[2];
 uniform bool showsSky;
 uniform bool hasWorld;               // what is outside as the eye sees it, in place of the map and the discs
+uniform bool hasOtherWorld;
 uniform sampler2D world;
+uniform sampler2D otherWorld;
 uniform int discCount[2];
 uniform vec4 discs[${2 * MOST_DISCS}];   // direction; depth where the edge begins
 uniform vec4 glows[${2 * MOST_DISCS}];   // radiance; depth where it ends
@@ -59,8 +61,10 @@ vec3 sky(vec3 d) {
     : skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb + discsAlong(d, 0, discCount[0]);
   float t = hasTraced ? 0.0 : otherShare();
   if (t > 0.0) {
-    vec3 other = skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb;
-    radiance = mix(radiance, other + discsAlong(d, ${MOST_DISCS}, discCount[1]), t);
+    vec3 other = hasOtherWorld
+      ? texture(otherWorld, mapPlace(d, 0.0)).rgb
+      : skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb + discsAlong(d, ${MOST_DISCS}, discCount[1]);
+    radiance = mix(radiance, other, t);
   }
   return radiance;
 }
@@ -106,7 +110,9 @@ export function makeSkyUniforms() {
     backdrop: { value: [new Vector3(), new Vector3()] },
     showsSky: { value: true },
     hasWorld: { value: false },
+    hasOtherWorld: { value: false },
     world: { value: emptyMap() },
+    otherWorld: { value: emptyMap() },
     discCount: { value: [0, 0] },
     discs: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
     glows: { value: Array.from({ length: 2 * MOST_DISCS }, () => new Vector4()) },
@@ -148,16 +154,17 @@ function emptyMap(): DataTexture {
   return radianceTexture(new Uint32Array(1), 1, 1);
 }
 
-/** What is outside, as the eye sees it now; null: only the sky. */
-export function showWorld(uniforms: SkyUniforms, data: Uint32Array<ArrayBuffer> | null): void {
-  uniforms.hasWorld.value = data !== null;
+/** What is outside, as the eye sees it now; null: only the sky. `side` as of `showLook`. */
+export function showWorld(uniforms: SkyUniforms, data: Uint32Array<ArrayBuffer> | null, side: 0 | 1 = 0): void {
+  (side === 0 ? uniforms.hasWorld : uniforms.hasOtherWorld).value = data !== null;
   if (data === null) return;
-  if (uniforms.world.value.image.width !== WORLD_WIDTH) {
-    uniforms.world.value.dispose();
-    uniforms.world.value = radianceTexture(data, WORLD_WIDTH, WORLD_HEIGHT);
+  const place = side === 0 ? uniforms.world : uniforms.otherWorld;
+  if (place.value.image.width !== WORLD_WIDTH) {
+    place.value.dispose();
+    place.value = radianceTexture(data, WORLD_WIDTH, WORLD_HEIGHT);
   }
-  (uniforms.world.value.image as { data: unknown }).data = data;
-  uniforms.world.value.needsUpdate = true;
+  (place.value.image as { data: unknown }).data = data;
+  place.value.needsUpdate = true;
 }
 
 /** Set the sky's uniforms to a look; `side` 1: the one to compare with. */

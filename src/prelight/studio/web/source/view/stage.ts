@@ -6,7 +6,7 @@ import type { CameraView, Welcome } from "../messages";
 import type { Frame } from "../frames";
 import type { Metrics } from "../metrics";
 import type { Look } from "../rig";
-import { newContext } from "./context";
+import { newCanvas } from "./context";
 import { CURVES, type Curve, MEANINGS, type Meaning, makeDisplay } from "./display";
 import { Eye } from "./eye";
 import { metered } from "./meter";
@@ -21,14 +21,16 @@ import { UnfinishedPicture } from "./unfinished";
 const LABEL = "The scene. Arrow keys go around it, plus and minus come nearer and go away.";
 const SHARPEST = 2; // device pixels a pixel of the page, at most
 
-/** A light and what it brings. */
+/** A light and what it brings: to the rows, and toward the eye (null: the same toward all). */
 export interface Lit {
   light: SkyLook;
   radiance: Uint32Array<ArrayBuffer>;
+  shine: Uint16Array<ArrayBuffer> | null;
+  world: Uint32Array<ArrayBuffer> | null;
 }
 
 export class Stage {
-  readonly canvas = document.createElement("canvas");
+  readonly canvas: HTMLCanvasElement;
   readonly eye: Eye;
   private readonly renderer: WebGLRenderer;
   private readonly unfinished: UnfinishedPicture;
@@ -39,8 +41,9 @@ export class Stage {
   private waiting: Frame | null = null;
   private newest: Frame | null = null;
   private live: Look | null = null;
+  private view: Frame | null = null; // what of it depends on the eye
   private held: Lit | null = null; // shown in place of what is lit
-  private isWanted = false;
+  isWanted = false; // another picture than is seen
   private readonly maps = new SkyMaps(this.sky, (environment) => {
     if (environment !== null) this.metrics.sky = environment;
     this.invalidate();
@@ -54,15 +57,17 @@ export class Stage {
     private readonly host: HTMLElement,
     private readonly metrics: Metrics,
   ) {
+    const { canvas, context } = newCanvas();
+    this.canvas = canvas;
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", LABEL);
     host.append(this.canvas);
-    const context = newContext(this.canvas);
     this.renderer = new WebGLRenderer({ canvas: this.canvas, context, alpha: true });
     this.renderer.outputColorSpace = LinearSRGBColorSpace; // the shaders encode
     this.renderer.toneMapping = NoToneMapping;
     this.renderer.setClearAlpha(0); // beside a picture of pixels, the page
+    this.renderer.setScissor(0, 0, 1, 1);
     this.unfinished = new UnfinishedPicture(context);
     this.eye = new Eye(this.canvas, () => this.invalidate());
     new ResizeObserver(() => this.resize()).observe(host);
@@ -76,6 +81,7 @@ export class Stage {
   /** Put a bake on the stage, in place of what is there. */
   show(welcome: Welcome, geometry: Geometry): void {
     this.shown?.dispose();
+    this.view = null;
     this.eye.hold(welcome.pixels !== null);
     this.scene.clear();
     const { display, sky } = this;
@@ -115,15 +121,18 @@ export class Stage {
       showLook(this.sky, lit.light);
       this.maps.need(lit.light, 0);
     }
-    this.showView(null);
-    this.invalidate();
+    this.shine(lit ?? this.view);
   }
 
-  /** What depends on the eye; null: nothing of it. */
-  showView(view: Frame | null): void {
-    const isWanted = view !== null && this.held === null;
-    if (this.shown instanceof Surface) this.shown.showShine(isWanted ? view.shine : null);
-    showWorld(this.sky, isWanted ? view.world : null);
+  /** What depends on the eye, of what is lit. */
+  showView(view: Frame): void {
+    this.view = view;
+    if (this.held === null) this.shine(view);
+  }
+
+  private shine(view: Pick<Frame, "shine" | "world"> | null): void {
+    if (this.shown instanceof Surface) this.shown.shine.show(view?.shine ?? null);
+    showWorld(this.sky, view?.world ?? null);
     this.invalidate();
   }
 
@@ -189,14 +198,16 @@ export class Stage {
   }
 
   /** Another light of the scene, to compare with; null: no more. */
-  compare(look: SkyLook | null, radiance: Uint32Array<ArrayBuffer> | null): void {
-    this.shown?.compare(radiance);
-    if (look === null) {
+  compare(lit: Lit | null): void {
+    this.shown?.compare(lit?.radiance ?? null);
+    if (this.shown instanceof Surface) this.shown.otherShine.show(lit?.shine ?? null);
+    showWorld(this.sky, lit?.world ?? null, 1);
+    if (lit === null) {
       this.mix({ share: 0, wipe: null });
       return;
     }
-    showLook(this.sky, look, 1);
-    this.maps.need(look, 1);
+    showLook(this.sky, lit.light, 1);
+    this.maps.need(lit.light, 1);
     this.invalidate();
   }
 
@@ -328,10 +339,15 @@ export class Stage {
   private draw(): void {
     this.uploadWaiting();
     if (this.shown instanceof Surface) this.metrics.lamps = this.shown.lamps.look(this.eye.camera.position, this.sphere.radius);
+    this.renderer.setScissorTest(this.isUnlit); // until there is light one pixel is drawn, to have the shaders compiled
     this.renderer.render(this.scene, this.eye.camera);
     this.unfinished.begin();
     this.metrics.drew();
     this.drawn();
+  }
+
+  private get isUnlit(): boolean {
+    return this.newest === null && this.held === null;
   }
 
   private uploadWaiting(): void {

@@ -20,6 +20,7 @@ import { makeLampPicture, LAMPS_GLSL, type LampPicture } from "./lamp_picture";
 import type { SteeredView } from "../messages";
 import { DISPLAY_GLSL, type Display, MEANINGS, UNPACK_GLSL } from "./display";
 import { SKY_GLSL, type SkyUniforms } from "./sky";
+import { ShineRows } from "./shine_rows";
 import { surfaceTexture } from "./textures";
 
 const MOST_PANES = 128;
@@ -40,6 +41,10 @@ out vec3 light;
 #ifdef SHINES
 in vec4 shine;
 out vec3 shining;
+#endif
+#ifdef OTHER_SHINES
+in vec4 otherShine;
+out vec3 otherShining;
 #endif
 out vec3 place3;
 #ifdef COMPARED
@@ -71,6 +76,9 @@ void main() {
 #ifdef SHINES
   shining = shine.rgb;
 #endif
+#ifdef OTHER_SHINES
+  otherShining = otherShine.rgb;
+#endif
   place3 = position;
 #ifdef PANES
   isPane = min(pane, 1.0);
@@ -87,6 +95,9 @@ ${DISPLAY_GLSL}
 ${LAMPS_GLSL}
 #ifdef SHINES
 in vec3 shining;
+#endif
+#ifdef OTHER_SHINES
+in vec3 otherShining;
 #endif
 in vec3 place3;
 #ifdef PANES
@@ -115,26 +126,24 @@ void main() {
 #ifdef TEXTURED
   if (!measured) seen *= texture(surface, place).rgb;
 #endif
+  vec3 shone = vec3(0.0);
 #ifdef SHINES
-  bool shines = !measured;
+  shone = (1.0 - t) * shining;
+#endif
+#ifdef OTHER_SHINES
+  shone += t * otherShining;
 #endif
 #ifdef PANES
   if (isPane > 0.5) {
-#ifdef SHINES
-    shines = shines && through.a > 0.5;
+#if defined(SHINES) || defined(OTHER_SHINES)
     seen = through.a > 0.5 ? vec3(0.0) : through.rgb * sky(normalize(along));
 #else
     seen = through.rgb * sky(normalize(along));
 #endif
+    if (through.a <= 0.5) shone = vec3(0.0);
   }
 #endif
-#ifdef SHINES
-#ifdef COMPARED
-  if (shines) seen = max(seen + (1.0 - t) * shining, 0.0);
-#else
-  if (shines) seen = max(seen + shining, 0.0);
-#endif
-#endif
+  if (!measured) seen = max(seen + shone, 0.0);
   if (!measured) seen += fromLamps(vec4(place3, 1.0), t);
   pixel = vec4(displayed(besideTraced(seen, vec4(place3, 1.0))), 1.0);
 }
@@ -159,8 +168,9 @@ export class Surface {
   private latest: Uint32Array<ArrayBuffer> | null = null;
   private other: Uint32Array<ArrayBuffer> | null = null;
   private otherBuffer: WebGLBuffer | null = null;
-  private shineBuffer: WebGLBuffer | null = null;
-  private shine: Uint16Array<ArrayBuffer> | null = null;
+  /** What shines toward the eye, of what is lit and of the look to compare with. */
+  readonly shine: ShineRows;
+  readonly otherShine: ShineRows;
   private readonly normals: Float32Array<ArrayBuffer> | null;
   /** What steerable lamps add, seen from their camera. */
   readonly lamps: LampPicture;
@@ -177,6 +187,10 @@ export class Surface {
     this.normals = geometry.normals;
     this.gl = renderer.getContext() as WebGL2RenderingContext;
     this.count = geometry.positions.length / 3;
+    const rowsOf = (attribute: string, name: string) =>
+      new ShineRows(this.gl, this.shape, { attribute, count: this.count, define: (isSet) => this.define(name, isSet) });
+    this.shine = rowsOf("shine", "SHINES");
+    this.otherShine = rowsOf("otherShine", "OTHER_SHINES");
     const { order, groups } = byTexture(geometry);
     this.shape.setAttribute("position", new BufferAttribute(geometry.positions, 3));
     this.shape.setAttribute("albedo", new BufferAttribute(geometry.albedo, 3));
@@ -207,30 +221,6 @@ export class Surface {
     this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffer);
     this.gl.bufferSubData(this.gl.ARRAY_BUFFER, 0, radiance, 0, this.count);
     this.lamps.show(radiance.subarray(this.count), 0);
-  }
-
-  /** What shines toward the eye, four half floats a vertex; null: nothing. */
-  showShine(shine: Uint16Array<ArrayBuffer> | null): void {
-    if (shine !== null && shine.length !== 4 * this.count) return;
-    const isOther = (shine === null) !== (this.shine === null);
-    this.shine = shine;
-    const { gl } = this;
-    if (isOther && shine !== null) {
-      this.shineBuffer = gl.createBuffer();
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.shineBuffer);
-      gl.bufferData(gl.ARRAY_BUFFER, 8 * this.count, gl.STREAM_DRAW);
-      const rows = new GLBufferAttribute(this.shineBuffer, gl.HALF_FLOAT, 4, 2, this.count);
-      this.shape.setAttribute("shine", rows as unknown as BufferAttribute);
-    } else if (isOther) {
-      gl.deleteBuffer(this.shineBuffer);
-      this.shineBuffer = null;
-      this.shape.deleteAttribute("shine");
-    }
-    if (shine !== null) {
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.shineBuffer);
-      gl.bufferSubData(gl.ARRAY_BUFFER, 0, shine);
-    }
-    if (isOther) this.define("SHINES", shine !== null);
   }
 
   /** Where a ray meets the scene first, and the normal there, toward where the ray comes from. */
@@ -288,7 +278,8 @@ export class Surface {
     this.shape.dispose();
     this.gl.deleteBuffer(this.buffer);
     this.gl.deleteBuffer(this.otherBuffer);
-    this.gl.deleteBuffer(this.shineBuffer);
+    this.shine.dispose();
+    this.otherShine.dispose();
     this.lamps.dispose();
     for (const material of this.mesh.material) {
       (material.uniforms["surface"]?.value as Texture | undefined)?.dispose();
@@ -300,13 +291,11 @@ export class Surface {
   makeBuffer(): void {
     this.buffer = this.rowsBuffer("radiance");
     if (this.latest !== null) this.upload(this.latest);
-    const { other, shine } = this;
-    this.otherBuffer = this.shineBuffer = null;
+    const { other } = this;
+    this.otherBuffer = null;
     if (other !== null) this.compare(other);
-    if (shine !== null) {
-      this.shine = null;
-      this.showShine(shine);
-    }
+    this.shine.makeBuffer();
+    this.otherShine.makeBuffer();
   }
 
   /** A buffer for a word a row, bound, as an attribute of the shape. */

@@ -1,0 +1,107 @@
+"""Gloss on the page: of what is lit and of looks beside it, as it is seen from where one stands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from prelight.images.tonemap import srgb_decode
+from prelight.studio.frames import FRAME_ASIDE, FRAME_SHINE, FRAME_VIEW
+
+from .studio_browser import chromium, visiting
+from .studio_stand_in import COLUMNS, ROWS, STRAIGHT, StandIn, framed, patches, serving
+from .test_studio_hands import wait_for
+from .test_studio_shown import SQUARES, linearly, seen, with_looks
+
+pytest.importorskip("starlette", reason="the studio's server is not installed")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as found:
+        yield found
+
+
+def shining(studio: StandIn) -> None:
+    """Half of the squares add a red that tells where the eye is; the others take off a quarter of their light."""
+    rows = 4 * SQUARES
+    half = np.arange(rows) < rows // 2
+
+    def view(message):
+        red = 0.1 + 0.2 * (message["eye"][0] > 1)
+        halves = np.zeros((rows, 4), "<f2")
+        halves[half, 0] = red
+        halves[~half, :3] = -0.1
+        return [framed(halves, FRAME_VIEW | FRAME_SHINE)]
+
+    studio.replies["LookFrom"] = view
+    studio.welcome["glossy"] = True
+
+
+def test_gloss_is_added_as_it_is_seen_from_where_one_stands(browser):
+    studio = patches(np.full((SQUARES, 3), 0.4))
+    shining(studio)
+    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
+    with serving(studio), visiting(browser, studio.url) as visit:
+        linearly(visit)
+        visit.until("__prelight.metrics.views", lambda count: count >= 1)
+        shown = seen(visit)
+        assert shown[: SQUARES // 2, 0].mean() == pytest.approx(0.5, abs=0.01)
+        assert shown[SQUARES // 2 :].mean() == pytest.approx(0.3, abs=0.01)
+        known = visit.metric("views")
+        visit.page.get_by_role("button", name="aside").click()
+        visit.until("__prelight.metrics.views", lambda count: count > known)
+        wait_for(lambda: studio.received[-1]["type"] == "LookFrom" and studio.received[-1]["eye"][0] == 4.0)
+        picture = srgb_decode(visit.pixels().astype(np.uint8))
+        assert picture[..., 0].max() == pytest.approx(0.7, abs=0.02)
+        asked = [m for m in studio.received if m["type"] == "LookFrom"]
+        visit.page.wait_for_timeout(300)
+        assert len([m for m in studio.received if m["type"] == "LookFrom"]) == len(
+            asked
+        )  # nothing new to ask
+        visit.page.get_by_role("radio", name="lux").click()
+        assert not visit.complaints
+
+
+def test_looks_that_are_compared_shine_as_well(browser):
+    """Each side its own gloss, as it is seen from where one stands; after a walk it is asked for anew."""
+    studio = patches(np.full((SQUARES, 3), 0.4))
+    shining(studio)
+    with_looks(studio)
+    plain = studio.replies["Compare"]
+
+    def compared(message):
+        halves = np.zeros((4 * SQUARES, 4), "<f2")
+        halves[:, 1] = {"Red": 0.3, "Blue": 0.1}[message["look"]] + 0.2 * (message["eye"][0] > 1)
+        return [*plain(message), framed(halves, FRAME_ASIDE | FRAME_VIEW | FRAME_SHINE)]
+
+    studio.replies["Compare"] = compared
+    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
+    with serving(studio), visiting(browser, studio.url) as visit:
+        linearly(visit)
+        page = visit.page
+        visit.until("__prelight.metrics.views", lambda count: count >= 1)
+        page.get_by_role("button", name="Compare with Blue").click()
+        visit.until("__prelight.metrics.asideViews", lambda count: count >= 1)
+        columns = seen(visit).reshape(ROWS, COLUMNS, 3)
+        half = columns[:, : COLUMNS // 2 - 1]
+        assert half[..., 0].max() == pytest.approx(0.5, abs=0.02)  # of what is set
+        assert half[..., 0].min() == pytest.approx(0.3, abs=0.02)
+        assert np.abs(columns[:, COLUMNS // 2 + 1 :] - (0.1, 0.2, 0.8)).max() < 0.02
+        page.get_by_role("combobox", name="Left side").select_option("look Red")
+        visit.until("__prelight.metrics.asideViews", lambda count: count >= 2)
+        assert (
+            np.abs(seen(visit).reshape(ROWS, COLUMNS, 3)[:, : COLUMNS // 2 - 1] - (0.8, 0.4, 0.1)).max()
+            < 0.02
+        )
+        page.get_by_role("button", name="aside").click()
+        wait_for(lambda: [m["eye"][0] for m in studio.received if m["type"] == "Compare"][-2:] == [4.0, 4.0])
+        visit.until("__prelight.metrics.asideViews", lambda count: count >= 4)
+        shown = srgb_decode(visit.pixels().astype(np.uint8))
+        assert shown[..., 1].max() == pytest.approx(0.6, abs=0.02)
+        page.get_by_role("button", name="Done").click()
+        page.get_by_role("button", name="straight").click()
+        visit.until("__prelight.eye()[2]", lambda z: abs(z - 10) < 1e-6)
+        visit.until("__prelight.metrics.views", lambda count: count >= 3)
+        assert seen(visit)[:, 0].max() == pytest.approx(0.5, abs=0.02)
+        assert not visit.complaints
