@@ -28,6 +28,14 @@ def _short(path: object) -> str:
     return name if len(name) <= _LONGEST_NAME else f"{name[: half - 1]}…{name[-half:]}"
 
 
+def _with_place(message: str, where: str | None) -> str:
+    """The place stays readable however long what is said before it: it is what somebody looks for."""
+    place = printable(f" ({_short(where)})") if where else ""
+    line = printable(message)
+    room = _LONGEST_MESSAGE - len(place)
+    return (line if len(line) <= room else line[: room - 1] + "…") + place
+
+
 class PrelightError(Exception):
     """Base of all errors that Prelight raises on purpose."""
 
@@ -51,7 +59,7 @@ class InputError(PrelightError, ValueError):
 
     def __init__(self, path: object, reason: str, where: str | None = None) -> None:
         self.path, self.reason, self.where = path, reason, where
-        super().__init__(printable(f"{_short(path)}: {reason}" + (f" ({where})" if where else "")))
+        super().__init__(_with_place(f"{_short(path)}: {reason}", where))
 
 
 class MissingExtraError(PrelightError, ImportError):

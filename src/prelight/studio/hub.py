@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -44,10 +45,11 @@ from .shown import Shown
 from .timeline_rig import timeline_text
 from .tracing import Pictures, Tracing
 from .visitor import Visitor
-from .wire import decode
+from .wire import decode, encode
 
 MOST_VISITORS = 30
 _HELLO_WITHIN = 5.0  # seconds
+_AT_ONCE = 8  # messages of a page that are taken before others have their turn
 _SAVE_AFTER = 0.3  # seconds from a change, whatever comes after it
 
 
@@ -189,8 +191,9 @@ class Hub:
         self._tell_all(Waiting(reason))
 
     def _tell_all(self, message: ServerMessage) -> None:
+        text = encode(message)
         for visitor in self._visitors:
-            visitor.tell(message)
+            visitor.tell(message, text=text)
 
     def _look_for_room(self) -> None:
         self._session.set_room(has_room=not self._visitors or any(v.has_room for v in self._visitors))
@@ -289,7 +292,9 @@ class Hub:
         )
 
     async def _listen(self, socket: WebSocket, visitor: Visitor) -> None:
-        while True:
+        for taken in itertools.count(1):
+            if taken % _AT_ONCE == 0:
+                await asyncio.sleep(0)  # what has come already is received without a pause: others wait
             try:
                 message = await _received(socket)
                 is_seen = isinstance(message, Seen | Mark)

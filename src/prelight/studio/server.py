@@ -78,7 +78,8 @@ def bound_socket(port: int | None) -> socket.socket:
     Raises OutputError if the port cannot be had.
     """
     for number in (USUAL_PORT, 0) if port is None else (port,):
-        listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        # By its protocol asyncio knows that small messages are not to wait for others (TCP_NODELAY).
+        listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listening.bind((HOST, number))

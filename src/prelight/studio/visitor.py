@@ -64,8 +64,8 @@ class Visitor:
         """Whether it keeps to its rate, with one more message."""
         return (self._acknowledgements if is_seen else self._commands).take()
 
-    def tell(self, message: Message) -> None:
-        """Send a message, instead of one of the same key that still waits."""
+    def tell(self, message: Message, *, text: str | None = None) -> None:
+        """Send a message, instead of one of the same key that still waits; ``text``: its JSON, where that is known."""
         key: object = message.redundancy_key
         if key is None:
             if sum(isinstance(k, int) for k in self._texts) >= _MOST_UNKEYED:
@@ -73,7 +73,7 @@ class Visitor:
             self._unkeyed += 1
             key = self._unkeyed
         self._texts.pop(key, None)  # and take its place at the end
-        self._texts[key] = encode(message)
+        self._texts[key] = encode(message) if text is None else text
         self._news.set()
 
     def show(self, frame: Frame) -> None:
