@@ -12,12 +12,14 @@ import pytest
 from prelight.lighting.disc import Disc
 from prelight.lighting.environment import Environment
 from prelight.lighting.glass import Glass
+from prelight.lighting.outside import Outside, OutsideObject, Path
 from prelight.lighting.rig import Rig
 from prelight.relighting.portals import PortalsRelighter
 from prelight.relighting.stand_ins import StandIns
 from prelight.storage.bake import Bake
 
 from .portal_rooms import portals_of, under_glass
+from .test_shells import write_box
 
 SIDE = 60
 SUN = Disc((0.3, 0.9, 0.3), 0.3, (3e4, 3e4, 3e4), 0.0)
@@ -160,3 +162,21 @@ def test_an_exact_answer_given_up_leaves_nothing_wrong(sunny) -> None:
             continue
         break
     assert after >= 2
+
+
+def test_a_coarse_answer_given_up_leaves_nothing_rough(sunny, tmp_path) -> None:
+    """A world captured roughly, and given up before it lit the room, is captured anew."""
+    beam = write_box(tmp_path / "beam.obj", (-1.0, 3.1, 0.4), (9.0, 3.3, 0.6), (0.7, 0.1, 0.1))
+    rig = Rig(SKY, outside=Outside((OutsideObject(beam, Path.resting()),), bounce=False))
+    expected, live = PortalsRelighter(sunny), PortalsRelighter(sunny)
+    expected.light(rig)
+    live.light(Rig(SKY))
+
+    def give_up() -> None:
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        live.light(rig, coarse=few_of(sunny), check=give_up)
+    live.light(rig)
+    assert not live.is_coarse
+    np.testing.assert_array_equal(live.irradiance, expected.irradiance)

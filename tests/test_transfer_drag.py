@@ -79,5 +79,30 @@ def test_a_light_given_up_is_made_by_the_next_call(tmp_path) -> None:
         np.testing.assert_array_equal(live.irradiance, exact.irradiance)
 
 
+def test_what_was_made_before_an_answer_was_given_up_is_told(tmp_path) -> None:
+    """Then gloss is not left as the coarse light had it."""
+    settings = TransferSettings(gather_rays=64, entries=50, modes=20)
+    bake = bake_transfer(chamber(side=9), tmp_path / "room.prelight", settings=settings)
+    places = StandIns.of(bake.receivers.positions, bake.receivers.normals, count=len(bake.receivers) // 2)
+    assert places is not None
+    told = []
+    for after in range(8):
+        live, calls = TransferRelighter(bake), iter(range(after))
+        live.shine([replace(LAMP, position=(LAMP.position[0] - 0.3, *LAMP.position[1:]))])
+        live.shine([LAMP], coarse=places)
+
+        def check(calls: Iterator[int] = calls) -> None:
+            if next(calls, None) is None:
+                raise TimeoutError
+
+        try:
+            live.shine([LAMP], check=check)
+        except TimeoutError:
+            if not live.is_coarse:
+                told.append(live.shine([LAMP], coarse=places))
+    assert told
+    assert all(told)
+
+
 def off(found: np.ndarray, exact: np.ndarray) -> float:
     return float(np.sqrt(((found - exact) ** 2).mean() / (exact**2).mean()))

@@ -102,12 +102,14 @@ class PortalsRelighter:
         """
         started = time.perf_counter()
         glass = glass_of(self.layer.names, rig.portals)
-        is_exact_now, self._roughly = coarse is None and self.is_coarse, coarse is not None
-        if (changed := self._shells.light(rig)) or (is_exact_now and self._is_captured_roughly):
-            self._capture()
-        if not changed and glass == self._glass and not is_exact_now and not self._is_behind:
+        changed = self._shells.light(rig)
+        is_wanted = self._is_behind or (coarse is None and self.is_coarse)
+        if not (changed or is_wanted or glass != self._glass):
             self.last = Update("none", (time.perf_counter() - started) * 1e3, 0, 0)
             return False
+        self._roughly = coarse is not None
+        if changed or (coarse is None and self._is_captured_roughly):
+            self._capture()
         self._glass = glass
         return self._follow(started, coarse, check)
 
@@ -126,6 +128,7 @@ class PortalsRelighter:
             raise InputError("shells", "values that are negative or not finite; expected radiance")
         self._shell = np.ascontiguousarray(given)
         self._discs = [()] * len(given)
+        self._roughly = self._is_captured_roughly = False
         self._version += 1
         self._glass = self._glass if glass is None else list(glass)
         self._follow(started)
@@ -271,7 +274,7 @@ class PortalsRelighter:
             sharp is not None or (of_pane[self._has_suns[layer.portal_of_pane]] > 0).any()
         ):
             total += self._bounced_suns(of_pane, coarse, check)
-            self.is_coarse = coarse is not None
+            self.is_coarse |= coarse is not None
         self._panes_added.onto(total, of_pane, self._of_row)
         return total if sharp is None else total + sharp
 

@@ -80,6 +80,7 @@ class TransferRelighter:
         self._known: OrderedDict[PlacedLight, _Brought] = OrderedDict()
         self._lit: list[tuple[PlacedLight, PlacedLight]] = []  # each light, and itself of colour 1
         self._environment: tuple[Environment, _Brought] | None = None
+        self._is_behind = False  # lights were made, and the answer given up before it was told
         self._few: tuple[StandIns, AtStandIns] | None = None
         self._few_rays = self._placed.with_rays(_FEW_RAYS)
         self._detail: tuple[_Brought, Detail] | None = None
@@ -116,14 +117,15 @@ class TransferRelighter:
         began = time.perf_counter()
         lit = [(light, white(light)) for light in lights if max(light.colour) > 0]
         missing = dict.fromkeys(key for _, key in lit if not self._has(key, coarse))
+        was_behind, self._is_behind = self._is_behind, self._is_behind or bool(missing)
         for key in missing:
             check()
             self._known[key] = self._found(key, check) if coarse is None else self._roughly(key, coarse)
         check()
         sky = self._sky_of(environment, coarse, check)
         new = len(missing) + (sky is not self._environment and sky is not None)
-        changed = bool(missing) or lit != self._lit or sky is not self._environment
-        self._lit, self._environment = lit, sky
+        changed = was_behind or bool(missing) or lit != self._lit or sky is not self._environment
+        self._lit, self._environment, self._is_behind = lit, sky, False
         if changed and self._gloss is not None:
             self._gloss.forget()
         self._forget()

@@ -139,7 +139,7 @@ class WholeLight:
         """Of the environment as a rig has it; the last says whether it is the exact one."""
         name = sky_id(state)
         known = (name, state.rotation_deg, state.scale, state.tint, lit_discs(state))
-        is_lit = isinstance(self._key, tuple) and self._key[1] == (*known, True)
+        is_lit = self._sky is not None and self._sky[0] == (*known, True)
         return (*known, exact or is_lit)
 
     def _small(self, whole: Environment) -> Environment:
