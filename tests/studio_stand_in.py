@@ -105,6 +105,7 @@ class StandIn:
     received: list[dict[str, Any]] = field(default_factory=list)
     sockets: int = 0
     port: int = 0
+    bake: str = "a"
     _frame: int = 0
 
     @property
@@ -115,6 +116,7 @@ class StandIn:
         vertices = len(self.positions)
         return {
             "type": "Welcome", "version": PROTOCOL_VERSION, "visitor": self.sockets, "name": "patches",
+            "bake": self.bake,
             "receivers": vertices, "vertices": vertices, "triangles": len(self.triangles),
             "textures": len(self.textures), "resolution": 64, "pixels": None, "eye": None,
             "cameras": self.cameras,
@@ -162,7 +164,7 @@ class StandIn:
             name: {"url": f"/geometry/{name}", "type": kinds[str(a.dtype)], "shape": list(a.shape)}
             for name, a in self.geometry().items()
         }
-        counts = {"vertices": len(self.positions), "triangles": len(self.triangles)}
+        counts = {"bake": self.bake, "vertices": len(self.positions), "triangles": len(self.triangles)}
         return JSONResponse({**counts, "arrays": arrays, "materials": self.materials})
 
     async def bytes(self, request):

@@ -105,3 +105,31 @@ def test_looks_that_are_compared_shine_as_well(browser):
         visit.until("__prelight.metrics.views", lambda count: count >= 3)
         assert seen(visit)[:, 0].max() == pytest.approx(0.5, abs=0.02)
         assert not visit.complaints
+
+
+def test_a_look_that_is_asked_for_before_a_walk_shines_as_it_is_seen_after_it(browser):
+    """The answer for the first place is on its way while one goes to the second: it is asked for anew all the same."""
+    studio = patches(np.full((SQUARES, 3), 0.4))
+    shining(studio)
+    with_looks(studio)
+    plain, late = studio.replies["Compare"], []
+
+    def compared(message):
+        halves = np.zeros((4 * SQUARES, 4), "<f2")
+        halves[:, 1] = 0.1 + 0.4 * (message["eye"][0] > 1)
+        late.extend([*plain(message), framed(halves, FRAME_ASIDE | FRAME_VIEW | FRAME_SHINE)])
+        return late if message["eye"][0] > 1 else []
+
+    studio.replies["Compare"] = compared
+    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
+    with serving(studio), visiting(browser, studio.url) as visit:
+        linearly(visit)
+        visit.until("__prelight.metrics.views", lambda count: count >= 1)
+        visit.page.get_by_role("button", name="Compare with Blue").click()
+        wait_for(lambda: [m["eye"][0] for m in studio.received if m["type"] == "Compare"] == [0.0])
+        visit.page.get_by_role("button", name="aside").click()
+        visit.until("__prelight.metrics.asideViews", lambda count: count == 2)
+        assert [m["eye"][0] for m in studio.received if m["type"] == "Compare"] == [0.0, 4.0]
+        shown = srgb_decode(visit.pixels().astype(np.uint8))
+        assert shown[..., 1].max() == pytest.approx(0.6, abs=0.02)
+        assert not visit.complaints

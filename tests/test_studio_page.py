@@ -218,3 +218,26 @@ def test_pixels_are_shown_as_a_picture_with_the_sky_behind(browser, rng):
         assert np.abs(difference).mean() < 0.008
         assert visit.page.get_by_role("navigation").is_hidden()
         assert not visit.complaints
+
+
+def test_another_bake_that_came_in_between_is_shown_with_its_own_mesh(browser, rng):
+    """What was fetched before the welcome is of a bake of as many vertices, upside down."""
+    studio = patches(rng.uniform(0.1, 0.9, (ROWS * COLUMNS, 3)), welcome={"bake": "b"})
+    upright, send = studio.positions, studio.bytes
+    studio.positions = upright * (-1, -1, 1)
+
+    async def send_and_change(request):
+        answer = await send(request)
+        if request.path_params["name"] == "positions":
+            studio.positions, studio.bake = upright, "b"
+        return answer
+
+    studio.bytes = send_and_change
+    with serving(studio), visiting(browser, studio.url) as visit:
+        visit.settled()
+        visit.page.get_by_role("radio", name="Linear").click()
+        visit.slide("Picture", "Exposure", 0)
+        bare(visit)
+        expected = unpacked(studio_words(studio))
+        assert np.abs(srgb_decode(middles(visit.pixels()).astype(np.uint8)) - expected).max() < 0.01
+        assert not visit.complaints

@@ -35,6 +35,7 @@ from prelight.studio.protocol import (
     SaveLook,
     SetDisc,
     SetEnvironment,
+    SetGlass,
     SetLamp,
     SetTimeline,
     SetWorld,
@@ -43,7 +44,7 @@ from prelight.studio.protocol import (
     Trace,
     Traced,
 )
-from prelight.studio.protocol_values import LampLight, LookKey
+from prelight.studio.protocol_values import LampLight, LookKey, PortalGlass
 from prelight.studio.rig_state import changed, initial
 from prelight.studio.rig_toml import opened_rig, rig_text
 from prelight.studio.timeline_rig import timeline_text
@@ -73,8 +74,8 @@ def rig(*changes, start: State | None = None) -> State:
     return state
 
 
-def lit(light, state: State) -> np.ndarray:
-    light.relight(state, exact=True, check=lambda: None)
+def lit(light, state: State, *, exact: bool = True) -> np.ndarray:
+    light.relight(state, exact=exact, check=lambda: None)
     return unpacked(np.frombuffer(light.frame(state), np.uint32, offset=32))
 
 
@@ -178,6 +179,23 @@ def town(folder: Path) -> Path:
         "position = [-9, 1, 2]\nkeys = [{ at = 4, position = [-1, 1, 2] }]\n"
     )
     return file
+
+
+def test_an_exact_answer_given_up_does_not_coarsen_the_sky(tmp_path) -> None:
+    """Somebody drags a blind again as soon as the exact answer has begun: the map stays the one that was lit by."""
+    portals_of(two_windows(), tmp_path / "room.prelight")
+    bake, known = Bake.open(tmp_path / "room.prelight"), Environments()
+    light, lets_one_by = WholeLight(bake, known), iter([None])
+    lit(light, state := rig(SetEnvironment("stock:noon")))
+    state = rig(SetGlass(PortalGlass("left glass", "clear", None, 10.0, 0.5)), start=state)
+
+    def check() -> None:
+        if next(lets_one_by, "given up"):
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        light.relight(state, exact=True, check=check)
+    np.testing.assert_array_equal(lit(light, state, exact=False), lit(WholeLight(bake, known), state))
 
 
 def test_a_world_outside_lights_the_room_and_is_seen_through_its_windows(tmp_path) -> None:

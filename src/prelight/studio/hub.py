@@ -271,6 +271,7 @@ class Hub:
             version=PROTOCOL_VERSION,
             visitor=visitor.number,
             name=shown.bake.manifest.scene.name,
+            bake=shown.digest,
             receivers=shown.rows,
             vertices=shown.vertices,
             triangles=shown.triangles,

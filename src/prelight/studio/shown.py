@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import threading
 from functools import cached_property, lru_cache
@@ -68,6 +69,11 @@ class Shown:
         return self._found[1].camera if self._found else None
 
     # ---- Figures -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells a bake from others, also from what stood at its path before."""
+        return hashlib.sha256(self.bake.manifest.to_bytes()).hexdigest()
 
     @property
     def vertices(self) -> int:
@@ -138,6 +144,7 @@ class Shown:
             {"name": m.name, "texture": t} for m, t in zip(self.bake.materials, self._worn, strict=True)
         ]
         return {
+            "bake": self.digest,
             "vertices": self.vertices,
             "triangles": self.triangles,
             "arrays": arrays,

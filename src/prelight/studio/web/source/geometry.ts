@@ -12,6 +12,7 @@ interface ArrayPlace {
 }
 
 interface Index {
+  bake: string;
   vertices: number;
   triangles: number;
   arrays: Record<string, ArrayPlace>;
@@ -19,6 +20,8 @@ interface Index {
 }
 
 export interface Geometry {
+  /** Of which bake: `Welcome.bake`. */
+  bake: string;
   positions: Float32Array<ArrayBuffer>;
   normals: Float32Array<ArrayBuffer> | null;
   triangles: Uint32Array<ArrayBuffer>;
@@ -43,12 +46,12 @@ export class EarlyGeometry {
   private report: Report = () => undefined;
   private fetched: Promise<Geometry | null> | null = fetchGeometry((done, all) => this.report(done, all)).catch(() => null);
 
-  /** What was asked for early, once and if it is of as many vertices; else it is fetched now. Raises as `fetchGeometry`. */
-  async of(vertices: number, report: Report): Promise<Geometry> {
+  /** What was asked for early, once and if it is of this bake; else it is fetched now. Raises as `fetchGeometry`. */
+  async of(bake: string, report: Report): Promise<Geometry> {
     this.report = report;
     const early = await this.fetched;
     this.fetched = null;
-    return early?.positions.length === 3 * vertices ? early : fetchGeometry(report);
+    return early?.bake === bake ? early : fetchGeometry(report);
   }
 }
 
@@ -73,6 +76,7 @@ async function fetchGeometry(report: Report): Promise<Geometry> {
   };
   const floats = (name: string) => new Float32Array(need(name));
   return {
+    bake: index.bake,
     positions: floats("positions"),
     normals: arrays.has("normals") ? floats("normals") : null,
     triangles: new Uint32Array(need("triangles")),

@@ -11,7 +11,7 @@ import { download, filmed } from "./recorder";
 import { Rig } from "./rig";
 import { Shown } from "./shown";
 import { BEFORE } from "./sides";
-import { identity, summary } from "./welcome";
+import { summary } from "./welcome";
 import { button, element, wrapped } from "./panel/elements";
 import { bindKeys } from "./panel/keys";
 import { CamerasBar } from "./panel/cameras_bar";
@@ -198,8 +198,7 @@ class Page {
   }
 
   private async open(welcome: Welcome): Promise<void> {
-    const before = this.welcome;
-    const isSame = before !== null && identity(before) === identity(welcome);
+    const isSame = this.welcome?.bake === welcome.bake;
     if (!isSame) {
       this.notices.opening(`Opening ${welcome.name}`);
       document.title = `${welcome.name} · Prelight`;
@@ -225,7 +224,7 @@ class Page {
     this.shown.reset(); // after a lost connection
     if (isSame) return;
     try {
-      const geometry = await this.geometry.of(welcome.vertices, (done, all) => {
+      const geometry = await this.geometry.of(welcome.bake, (done, all) => {
         const megabytes = (bytes: number) => (bytes / 1e6).toFixed(1);
         this.notices.opening(`Opening ${welcome.name}: ${megabytes(done)} of ${megabytes(all)} MB`, done / all);
       });

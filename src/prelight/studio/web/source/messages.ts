@@ -283,12 +283,13 @@ export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | 
 
 export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Mark | Compare | LookFrom | Trace | StopTrace | Seen;
 
-/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is. */
+/** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``bake`` tells one bake from another, and is in ``/geometry.json`` too. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is. */
 export interface Welcome {
   type: "Welcome";
   version: number;
   visitor: number;
   name: string;
+  bake: string;
   receivers: number;
   vertices: number;
   triangles: number;

@@ -70,8 +70,9 @@ export class Sides {
   }
 
   private lookAgain(): void {
-    for (const side of this.known.keys()) {
-      if (side === this.wanted.left || side === this.wanted.right) this.ask(side);
+    for (const side of new Set([...this.known.keys(), ...this.asked])) {
+      const isWanted = side === this.wanted.left || side === this.wanted.right;
+      if (isWanted || this.asked.has(side)) this.ask(side); // what is on its way is as another eye saw it
       else this.known.delete(side);
     }
   }

@@ -2,11 +2,6 @@
 
 import type { Welcome } from "./messages";
 
-/** Two bakes of the same identity have the same geometry. */
-export function identity({ name, receivers, vertices, triangles, pixels }: Welcome): string {
-  return JSON.stringify([name, receivers, vertices, triangles, pixels]);
-}
-
 export function summary({ receivers, pixels, eye }: Welcome): string {
   if (pixels !== null) return `${pixels[0]} × ${pixels[1]} pixels`;
   const rows = `${receivers.toLocaleString("en")} vertices`;
