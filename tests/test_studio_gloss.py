@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from prelight.images.tonemap import srgb_decode
-from prelight.studio.frames import FRAME_ASIDE, FRAME_SHINE, FRAME_VIEW
+from prelight.studio.frames import FRAME_ASIDE, FRAME_SHINE, FRAME_VIEW, FRAME_WORLD
 
-from .studio_browser import chromium, visiting
-from .studio_stand_in import COLUMNS, ROWS, STRAIGHT, StandIn, framed, patches, serving
+from .studio_browser import HEIGHT, WIDTH, chromium, visiting
+from .studio_stand_in import COLUMNS, ROWS, SKY, STRAIGHT, StandIn, framed, packed, patches, serving
 from .test_studio_hands import wait_for
 from .test_studio_shown import SQUARES, linearly, seen, with_looks
 
@@ -133,3 +133,52 @@ def test_a_look_that_is_asked_for_before_a_walk_shines_as_it_is_seen_after_it(br
         shown = srgb_decode(visit.pixels().astype(np.uint8))
         assert shown[..., 1].max() == pytest.approx(0.6, abs=0.02)
         assert not visit.complaints
+
+
+def test_each_side_has_the_world_outside_of_its_look(browser):
+    """Behind the scene: of what is set on the left; of a look on the right, its sky where it has no world."""
+    studio = patches(np.zeros((SQUARES, 3)), sky=np.full((SKY[0] * SKY[1], 3), 0.25))
+    studio.positions = studio.positions * 1e-3  # next to nothing is in front of it
+    with_looks(studio)
+    studio.welcome["worlds"] = [{"id": "town.toml", "title": "town", "duration": 10.0}]
+    studio.state |= {"world": "town.toml"}
+    plain = studio.replies["Compare"]
+
+    def world(colour, flags):
+        return framed(packed(np.tile(colour, (SKY[0] * SKY[1], 1))), flags | FRAME_VIEW | FRAME_WORLD)
+
+    def compared(message):
+        if message["look"] == "Red":
+            return plain(message)
+        green = 0.2 + 0.2 * (message["eye"][0] > 1)
+        return [*plain(message), world((0.1, green, 0.7), FRAME_ASIDE)]
+
+    studio.replies |= {"Compare": compared, "LookFrom": lambda _: [world((0.4, 0.3, 0.05), 0)]}
+    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
+    with serving(studio), visiting(browser, studio.url) as visit:
+        linearly(visit)
+        page = visit.page
+        visit.until("__prelight.metrics.views", lambda count: count >= 1)
+        assert behind(visit) == pytest.approx(np.array([(0.4, 0.3, 0.05)] * 2), abs=0.01)
+        page.get_by_role("button", name="Compare with Blue").click()
+        visit.until("__prelight.metrics.asideViews", lambda count: count >= 1)
+        assert behind(visit) == pytest.approx(np.array([(0.4, 0.3, 0.05), (0.1, 0.2, 0.7)]), abs=0.01)
+        page.get_by_role("combobox", name="Left side").select_option("look Red")
+        visit.until("__prelight.metrics.sides")
+        assert behind(visit) == pytest.approx(np.array([(0.25, 0.25, 0.25), (0.1, 0.2, 0.7)]), abs=0.01)
+        page.get_by_role("button", name="aside").click()
+        visit.until("__prelight.metrics.asideViews", lambda count: count >= 2)
+        assert behind(visit)[1] == pytest.approx(np.array((0.1, 0.4, 0.7)), abs=0.01)
+        page.get_by_role("button", name="Done").click()
+        assert behind(visit) == pytest.approx(np.array([(0.4, 0.3, 0.05)] * 2), abs=0.01)
+        assert not visit.complaints
+
+
+def behind(visit) -> np.ndarray:
+    """Linear colours of what is above the scene on the left and on the right of the middle (2, 3), without panels."""
+    visit.page.keyboard.press("h")
+    shown = srgb_decode(visit.pixels().astype(np.uint8))[: HEIGHT // 4]
+    visit.page.keyboard.press("h")
+    halves = shown[:, : WIDTH // 2 - 8], shown[:, WIDTH // 2 + 8 :]
+    assert max(np.ptp(half, axis=(0, 1)).max() for half in halves) < 0.02
+    return np.array([half.mean(axis=(0, 1)) for half in halves])

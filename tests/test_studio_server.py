@@ -58,6 +58,7 @@ def sequence_of(page: Page) -> int:
 def test_a_page_is_welcomed_and_sees_the_light(shared: LiveStudio, bake) -> None:
     with shared.page() as page:
         welcome = page.message("Welcome")
+        assert welcome["bake"] == json.loads(shared.get("/geometry.json"))["bake"]
         assert welcome["receivers"] == welcome["vertices"] == len(Bake.open(bake).receivers)
         assert [c["id"] for c in welcome["environments"]][:2] == ["stock:overcast", "stock:noon"]
         assert Camera.from_dict({k: v for k, v in welcome["cameras"][0].items() if k != "name"})

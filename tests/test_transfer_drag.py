@@ -7,14 +7,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from prelight.baking import transfer as baking
 from prelight.baking.transfer import bake_transfer
 from prelight.baking.transfer_settings import TransferSettings
 from prelight.lighting.environment import Environment
+from prelight.lighting.placed_lights import Lamp
 from prelight.relighting.first_bounce import FirstBounce
+from prelight.relighting.placed_caustics import PlacedCaustics
 from prelight.relighting.stand_ins import StandIns
 from prelight.relighting.transfer import TransferRelighter
 
+from .glass import GREEN_GLASS, ball, joined
 from .test_transfer import LAMP, PANEL, chamber
 
 SKY = Environment.constant((0.5, 0.5, 0.5))
@@ -102,6 +107,44 @@ def test_what_was_made_before_an_answer_was_given_up_is_told(tmp_path) -> None:
                 told.append(live.shine([LAMP], coarse=places))
     assert told
     assert all(told)
+
+
+def test_a_caustic_does_not_stay_where_the_light_was(tmp_path, monkeypatch) -> None:
+    """Under a glass ball: while the lamp is dragged away what bounces is found roughly, and nothing is left there."""
+    monkeypatch.setattr(baking, "TRIALS", 7)
+    settings = TransferSettings(gather_rays=64, entries=60, modes=20)
+    glass = ball(radius=0.4, centre=(-0.5, -0.59, 0.4), rings=16)
+    scene = joined(chamber(side=25), *glass, GREEN_GLASS)
+    bake = bake_transfer(scene, tmp_path / "glass.prelight", settings=settings)
+    places = StandIns.of(bake.receivers.positions, bake.receivers.normals, count=len(bake.receivers) // 6)
+    assert places is not None
+    above = Lamp((-0.5, 0.6, 0.4), LAMP.beam, 0.05)
+    aside = replace(above, position=(0.1, 0.6, 0.4))
+    live, exact, caustics = TransferRelighter(bake), TransferRelighter(bake), PlacedCaustics(bake)
+    live.shine([above])
+    live.shine([aside], coarse=places)
+    exact.shine([aside])
+    assert live.is_coarse
+    was, now = (caustics.of(light, shadow_rays=16)[:, 1] for light in (above, aside))
+    rows = (was > 0.1 * was.max()) & (now < 0.02 * now.max())
+    assert rows.sum() >= 5
+    there = exact.indirect[rows, 1].mean()
+    assert was[rows].mean() * LAMP.beam.intensity[1] > 3 * there, "so that it would be seen"
+    assert live.indirect[rows, 1].mean() == pytest.approx(there, rel=0.5)
+    assert off(live.indirect, exact.indirect) < 0.15
+
+
+def test_a_lamp_that_is_dragged_within_a_solid_says_so(tmp_path) -> None:
+    settings = TransferSettings(gather_rays=64, entries=50, modes=20)
+    bake = bake_transfer(chamber(), tmp_path / "room.prelight", settings=settings)
+    places = StandIns.of(bake.receivers.positions, bake.receivers.normals, count=len(bake.receivers) // 2)
+    assert places is not None
+    live = TransferRelighter(bake)
+    live.shine([LAMP])
+    assert live.notes == []
+    live.shine([replace(LAMP, position=(0.3, -0.5, -0.2))], coarse=places)
+    assert live.is_coarse
+    assert "inside a solid" in live.notes[0]
 
 
 def off(found: np.ndarray, exact: np.ndarray) -> float:

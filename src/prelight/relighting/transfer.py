@@ -41,10 +41,15 @@ class _Brought:
     """What one light of colour 1 brings to the vertices, (V, 3) each, irradiance / π."""
 
     direct: Radiance
-    indirect: Radiance
+    bounced: Radiance
+    sent_on: Radiance | None  # by glass and mirrors
     inside: bool  # a solid
     rays: float = math.inf  # to it, from each vertex
     coarse: bool = False  # found while a hand drags
+
+    @property
+    def indirect(self) -> Radiance:
+        return self.bounced if self.sent_on is None else self.sent_on + self.bounced
 
 
 class TransferRelighter:
@@ -161,7 +166,7 @@ class TransferRelighter:
         bounced = self._indirect.bounced(direct if sent_on is None else direct + sent_on, check=check)
         is_exact = isinstance(key, Lamp) and key.radius == 0 and sent_on is None
         rays = math.inf if is_exact else self._placed.shadow_rays
-        return _Brought(direct, bounced if sent_on is None else sent_on + bounced, inside, rays)
+        return _Brought(direct, bounced, sent_on, inside, rays)
 
     def _roughly(self, key: PlacedLight, places: StandIns) -> _Brought:
         """A light while it is dragged; the detail between stand-ins is that of an exact one, so the first is exact."""
@@ -170,17 +175,18 @@ class TransferRelighter:
         if not before:
             return self._found(key, lambda: None)
         near = min(before, key=lambda one: math.dist(one[0], key.position))[1]
-        sent_on = self._sent_on(key, self._few_rays)
+        inside = self._placed.is_inside(key)
+        sent_on = None if inside else self._sent_on(key, self._few_rays)
         direct = self._few_rays.of(key)
         bounced = self._spread(direct if sent_on is None else direct + sent_on, places, near)
-        return _Brought(direct, bounced if sent_on is None else sent_on + bounced, False, coarse=True)
+        return _Brought(direct, bounced, sent_on, inside, coarse=True)
 
     def _spread(self, light: Radiance, places: StandIns, before: _Brought | None) -> Radiance:
         """(V, 3) what bounces of light, from the stand-ins."""
         self.warm(places)
         assert self._few is not None  # made by warm
         if before is not None and (self._detail is None or self._detail[0] is not before):
-            self._detail = before, places.detail(before.indirect)
+            self._detail = before, places.detail(before.bounced)  # caustics go where the light goes
         detail = None if before is None or self._detail is None else self._detail[1]
         return places.spread(self._few[1].bounced(light), detail)
 
@@ -194,9 +200,9 @@ class TransferRelighter:
             return known
         if coarse is not None:
             direct = coarse.spread(self._sky.roughly(environment, coarse.rows))
-            return environment, _Brought(direct, self._spread(direct, coarse, None), False, coarse=True)
+            return environment, _Brought(direct, self._spread(direct, coarse, None), None, False, coarse=True)
         direct = self._sky.of(environment, check=check)
-        return environment, _Brought(direct, self._indirect.bounced(direct, check=check), False)
+        return environment, _Brought(direct, self._indirect.bounced(direct, check=check), None, False)
 
     def _sent_on(self, light: PlacedLight, placed: PlacedDirect) -> Radiance | None:
         """What glass and mirrors make of it."""

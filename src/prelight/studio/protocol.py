@@ -278,7 +278,8 @@ class State(Message):
 class Welcome(Message):
     """The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands.
 
-    ``bake`` tells one bake from another, and is in ``/geometry.json`` too. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of
+    ``bake`` tells one bake from another, and is in ``/geometry.json`` too.
+    ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of
     the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed.
     ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set;
     the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether

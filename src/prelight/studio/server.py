@@ -46,6 +46,7 @@ _TYPES = {
 }
 _NO_PAGE = b"<!doctype html><title>Prelight</title><p>This installation has no studio page (web/built is missing).</p>"
 _PATIENCE = 2  # seconds that connections get to end
+_AT_ONCE = 1 << 16  # bytes that are read of a connection before others have their turn: some hundred messages
 _ANOTHER = 4001  # the close code of a socket whose bake is no longer shown: its page loads anew
 
 
@@ -82,6 +83,7 @@ def bound_socket(port: int | None) -> socket.socket:
         listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         try:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _AT_ONCE)
             listening.bind((HOST, number))
             listening.listen(64)
             return listening
