@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from prelight.baking import bounced_plan
+from prelight.baking.bounced_plan import BouncedPlan, plan_bounced
+from prelight.baking.caustics import cells_of
 from prelight.baking.environment import bake_environment
 from prelight.baking.environment_settings import EnvironmentSettings
+from prelight.baking.fitness import even_sky_fitness
 from prelight.baking.layer_receivers import LayerReceivers
-from prelight.bases.cube_map import solid_angles, texel_directions
+from prelight.baking.light_cells import light_cells
+from prelight.bases.cube_map import mean_directions, solid_angles, texel_directions
 from prelight.errors import DamagedBakeError
 from prelight.lighting.environment import Environment
 from prelight.material import Material
@@ -21,8 +26,9 @@ from prelight.rays.mitsuba import Occluders
 from prelight.rays.surfaces import SurfaceScene
 from prelight.relighting.relighter import Relighter
 from prelight.scene.geometry import Scene
+from prelight.scene.subdivision import subdivided
 from prelight.storage.bake import Bake
-from prelight.transport import gathering
+from prelight.transport import gathering, metal_rays
 from prelight.transport.eye import vertex_points
 from prelight.transport.gathering import Gathering
 from prelight.transport.metal_rays import MetalRays, Metals
@@ -85,6 +91,12 @@ def lit_floor(scene: Scene, path) -> tuple[np.ndarray, np.ndarray]:
     return light.irradiance[inner], truth / 0.5
 
 
+def followed(scene: Scene) -> Metals:
+    """Rough metal, and the sky in cells, the 6·16² of R = 16."""
+    cell_of = partial(cells_of, cells=light_cells(16), resolution=16)
+    return Metals(SurfaceScene(scene), rough_metals(scene), cell_of, 6 * 16**2)
+
+
 @pytest.mark.parametrize("fault", [False, True])
 def test_a_floor_before_metal_has_the_light_that_the_path_tracer_finds(tmp_path, monkeypatch, fault):
     """The fault: metal is taken as diffuse."""
@@ -101,30 +113,71 @@ def test_a_smooth_sheet_shows_the_sky_that_it_mirrors():
     scene = floor_before_metal(0.02, colour)
     occluders = Occluders(scene.positions, scene.triangles)
     place, up = np.float32([[0.5, 0.0, 0.0]]), np.float32([[0, 1, 0]])
-    metals = Metals(SurfaceScene(scene), np.array([False, True]))
+    metals = dataclasses.replace(followed(scene), chosen=np.array([False, True]))
     rays = MetalRays(occluders, scene, metals, origins=place, normals=up, rays=4096)
     sky = rays.trace(0, 1).to_sky
-    assert (sky.rows == 0).all()
-    assert (sky.directions[:, 0] > -0.01).all(), "back from the sheet, toward +x"
+    assert sky.counts.tolist() == [len(sky.cells)]
+    toward = mean_directions(light_cells(16), 16)[sky.cells]
+    assert (toward[:, 0] > -0.01).all(), "back from the sheet, toward +x"
     plain = Gathering.trace(scene, occluders, origins=place, normals=up, rays=4096)
     seen = next(iter(plain.tiles())).values.sum()  # the share of rays that meet anything: the sheet
-    weights = sky.weights.sum(axis=0) / 4096
+    weights = sky.by_row()[0] / 4096
     np.testing.assert_allclose(weights, seen * np.float32(colour), rtol=0.02)
 
 
 def test_rays_are_the_same_in_tiles_of_any_size(monkeypatch):
     scene = floor_before_metal(0.2, (0.9, 0.7, 0.4))
-    occluders, surfaces = Occluders(scene.positions, scene.triangles), SurfaceScene(scene)
+    occluders, metals = Occluders(scene.positions, scene.triangles), followed(scene)
 
     def traced() -> tuple[np.ndarray, ...]:
-        found = Gathering.trace(scene, occluders, rays=64, metals=Metals(surfaces, rough_metals(scene)))
+        found = Gathering.trace(scene, occluders, rays=64, metals=metals)
         values = np.concatenate([tile.values for tile in found.tiles()], axis=1)
-        return values, *(np.concatenate([getattr(t, n) for t in found.to_sky]) for n in ("rows", "weights"))
+        parts = [[getattr(t, n) for t in found.to_sky] for n in ("counts", "cells", "weights")]
+        return values, found.mirrored_sky, *(np.concatenate(part, axis=-1) for part in parts)
 
     whole = traced()
     monkeypatch.setattr(gathering, "_RAYS_AT_ONCE", 64 * 17)
+    monkeypatch.setattr(metal_rays, "_AT_ONCE", 100)
     for a, b in zip(whole, traced(), strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_of_the_sky_by_way_of_metal_no_more_is_held_than_cells_and_the_plan_counts_it(monkeypatch):
+    scene = floor_before_metal(0.2, (0.9, 0.7, 0.4))
+    occluders = Occluders(scene.positions, scene.triangles)
+    found = Gathering.trace(scene, occluders, rays=256, metals=followed(scene))
+    held = sum(part.bytes for part in found.to_sky)
+    for part in found.to_sky:
+        keys = np.repeat(np.arange(len(part.counts)), part.counts) * 6 * 16**2 + part.cells
+        assert (np.diff(keys) > 0).all(), "each cell of a row once"
+        assert part.gone > 2 * len(keys), "and that is less than one for every ray"
+
+    def planned(order: int) -> BouncedPlan:
+        settings = EnvironmentSettings(16, glossy_order=order, gather_rays=256)
+        return plan_bounced(LayerReceivers(scene, settings), 1 << 40)
+
+    sent_on = found.rays - 256 * len(scene.positions)
+    assert planned(2).rays - planned(0).rays == pytest.approx(sent_on, rel=0.01)
+    memory = planned(2).memory
+    monkeypatch.setattr(bounced_plan, "_SKY_COPIES", 0)
+    assert memory - planned(2).memory == pytest.approx(2.5 * held, rel=0.01)
+
+
+@pytest.mark.parametrize("fault", ["", "no sky by way of metal", "compared with matt metal"])
+def test_a_fine_mesh_beside_metal_holds_the_light_of_an_even_sky(fault):
+    scene = subdivided(floor_before_metal(0.2, (0.9, 0.7, 0.4)), 0.25)
+    occluders, metals = Occluders(scene.positions, scene.triangles), followed(scene)
+    found = Gathering.trace(scene, occluders, rays=1024, metals=metals)
+    if fault == "no sky by way of metal":
+        found.mirrored_sky[:] = 0
+    there = None if fault == "compared with matt metal" else metals
+    fitness = even_sky_fitness(scene, occluders, found, metals=there)
+    place = scene.positions[scene.triangles[fitness.triangle]].mean(axis=1)
+    beside = fitness.deviation[(place[:, 1] == 0) & (place[:, 0] < 0.5)].mean()
+    held = (fitness.share > 0.99, beside < 0.008)
+    assert held == ((True, True) if not fault else (fault.startswith("compared"), False)), (
+        fitness.share, beside,
+    )  # fmt: skip
 
 
 def test_metals_are_followed_where_gloss_is_kept_and_nowhere_else():

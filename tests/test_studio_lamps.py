@@ -317,6 +317,7 @@ def test_glass_and_a_world_outside(browser, tmp_path):
         assert np.abs(frosted - sunny)[surfaces].mean() > 0.002
         assert np.abs(linear(visit) - frosted)[surfaces].mean() > 0.001
         changed(visit, page.get_by_role("radio", name="Clear", exact=True).click)
+        assert np.abs(linear(visit) - sunny)[surfaces].mean() < 0.0005
         changed(visit, page.get_by_role("radio", name="overcast").click)
         for name in ("left glass", "right glass"):
             glass.get_by_role("button", name=name).click()

@@ -1,4 +1,4 @@
-"""What the studio tells a page beside its light: gloss, worlds, steerable pixels, timelines, traced pictures."""
+"""What the studio tells a page beside its light: gloss, worlds, steerable pixels, timelines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 from prelight.baking.environment import bake_environment
 from prelight.baking.steerable import bake_steerable
 from prelight.baking.steerable_settings import BakedLamp, SteerableSettings
-from prelight.camera import Camera
 from prelight.errors import InputError
 from prelight.lighting.disc import Disc
 from prelight.lighting.distributions import Power
@@ -25,7 +24,7 @@ from prelight.relighting.steerable_bake import SteerableBake
 from prelight.storage.bake import Bake
 from prelight.studio import kept
 from prelight.studio.environments import Environments
-from prelight.studio.frames import FRAME_ASIDE, FRAME_EXACT, FRAME_SHINE, FRAME_VIEW
+from prelight.studio.frames import FRAME_ASIDE, FRAME_EXACT, FRAME_SHINE, FRAME_VIEW, FRAME_WORLD
 from prelight.studio.history import History
 from prelight.studio.lighting import SkyLight, lighting_of
 from prelight.studio.protocol import (
@@ -41,21 +40,17 @@ from prelight.studio.protocol import (
     SetWorld,
     ShowLook,
     State,
-    Trace,
-    Traced,
 )
 from prelight.studio.protocol_values import LampLight, LookKey, PortalGlass
 from prelight.studio.rig_state import changed, initial
 from prelight.studio.rig_toml import opened_rig, rig_text
 from prelight.studio.timeline_rig import timeline_text
-from prelight.studio.tracing import Tracing
 from prelight.studio.whole_light import WholeLight
 from prelight.transport.basis_images import ImageSettings
 from prelight.transport.steered_lamps import SteeredSpot
 
 from .live_studio import running
 from .portal_rooms import portals_of, two_windows
-from .scenes import plane
 from .steered import LAMP_AT, room
 from .studio_bakes import lamps_bake
 from .test_gloss_layer import golden_ball
@@ -231,6 +226,40 @@ def test_a_world_outside_lights_the_room_and_is_seen_through_its_windows(tmp_pat
         known.worlds.open("city.toml")
 
 
+def test_looks_bring_the_world_outside_along(tmp_path) -> None:
+    """Of the second that each was kept at, as the eye that asks sees it; one without a world brings none."""
+    portals_of(two_windows(), tmp_path / "room.prelight")
+    named, eye, worlds = [town(tmp_path)], (2.0, 1.5, 2.5), {}
+    kept_at = (("Open", None, 0.0), ("Far", "town.toml", 0.0), ("Near", "town.toml", 4.0))
+    with (
+        running(tmp_path / "room.prelight", state_file=tmp_path / "s.json", rigs=named) as studio,
+        studio.page() as page,
+    ):
+        start = page.message("Welcome")["state"]["sequence"]
+        page.send(SetEnvironment("stock:noon"))
+        for look, world, seconds in kept_at:
+            page.send(SetWorld(world, seconds))
+            page.send(SaveLook(look))
+        page.exact(start + 7)
+        for look in ("Near", "Far"):
+            page.send(Compare(look, eye))
+            page.until(lambda got: getattr(got, "flags", 0) & FRAME_ASIDE and got.flags & FRAME_WORLD)
+            worlds[look] = page.frames[-1][1][-4 * 512 * 256 :]
+        page.send(Compare("Open", eye))
+        page.until(lambda got: getattr(got, "flags", 0) == FRAME_ASIDE | FRAME_EXACT)
+        page.send(Mark(1))
+        page.message("Marked")
+        assert not page.frames[-1][0].flags & FRAME_WORLD
+    light = WholeLight(Bake.open(tmp_path / "room.prelight"), Environments([str(town(tmp_path))]))
+    for look, world, seconds in kept_at[1:]:
+        state = rig(SetEnvironment("stock:noon"), SetWorld(world, seconds))
+        lit(light, state)
+        seen = light.view(state, eye).world
+        assert seen is not None
+        assert worlds[look] == seen.tobytes()
+    assert worlds["Near"] != worlds["Far"]
+
+
 def test_steerable_pixels_follow_the_vertices_of_a_frame(tmp_path) -> None:
     images = ImageSettings(20, 14, samples=16, particles=8, depth=3)
     settings = SteerableSettings((BakedLamp("key", SteeredSpot(LAMP_AT, 3)),), images=images, keep="all")
@@ -312,60 +341,3 @@ def test_timelines_are_kept_checked_and_lose_forgotten_looks(tmp_path) -> None:
     assert len(history.before.lamps) == 2
     history.obey(RemoveLook("Two"), author=1)
     assert history.state.timeline == (LookKey(1.0, "One"),)
-
-
-def test_the_path_tracer_sees_a_white_floor_under_a_white_sky(tmp_path) -> None:
-    """Known answer: a floor of albedo 0.8 under radiance 1 has radiance 0.8, and around it is the sky."""
-    pytest.importorskip("mitsuba", reason="the renderer is not installed")
-    from prelight.checking.on_screen import ScreenTracer
-
-    bake = bake_environment(plane(6), tmp_path / "plane.prelight", resolution=8, bounces=0)
-    rig_ = Rig(Environment.constant((1.0, 1.0, 1.0)))
-    above = Camera((0.0, 3.0, 0.01), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 60.0)
-    tracer = ScreenTracer(bake, rig_, above, width=24, height=16)
-    counts = []
-    picture = np.zeros((16, 24, 3))
-    for samples, mean in tracer.pictures(48):
-        counts.append(samples)
-        picture = mean.reshape(16, 24, 3)
-    assert counts == list(range(1, 49))
-    assert picture[5:11, 8:16].mean() == pytest.approx(0.8, rel=0.01)
-    assert picture[:, 0].mean() == pytest.approx(1.0, abs=1e-3)
-    with pytest.raises(InputError, match="nothing shines"):
-        ScreenTracer(bake, Rig(Environment.dark()), above, width=8, height=8)
-
-
-def test_tracing_tells_how_far_it_is_and_ends_when_it_is_asked_to(tmp_path_factory) -> None:
-    told: list[tuple[Traced, bytes | None]] = []
-    goes_on, ended = threading.Event(), threading.Event()
-
-    def pictures(_bake, _rig, _camera, size, samples):
-        try:
-            for n in range(1, samples + 1):
-                yield n, np.full((size[0] * size[1], 3), float(n), np.float32)
-                goes_on.wait(10)
-        finally:
-            ended.set()
-
-    bake = Bake.open(lamps_bake(tmp_path_factory))
-    tracing = Tracing(
-        bake, Environments(), pictures=pictures, tell=lambda _v, said, data: told.append((said, data))
-    )
-    wanted = Trace((0.0, 1.0, 3.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 40.0, 32, 18)
-    tracing.start(wanted, initial("stock:noon"), takes=("environment", "lamps"), visitor=1)
-    while not (told and told[-1][1]):
-        ended.wait(0.02)
-    assert (told[-1][0].samples, told[-1][0].stopped) == (1, None)
-    assert len(told[-1][1] or b"") == 32 + 4 * 32 * 18
-    tracing.stop(2)  # somebody else's wish
-    tracing.stop(1)
-    goes_on.set()
-    assert ended.wait(10)
-    tracing.close()
-    assert told[-1][0].stopped == "stopped"
-    with pytest.raises(InputError, match="pixels"):
-        tracing.start(replace(wanted, width=4096, height=4096), initial("stock:noon"), takes=(), visitor=1)
-    none = Tracing(bake, Environments(), pictures=None, tell=lambda *_: None)
-    assert "Mitsuba" in (none.missing or "")
-    with pytest.raises(InputError, match="not installed"):
-        none.start(wanted, initial("stock:noon"), takes=(), visitor=1)

@@ -18,14 +18,12 @@ import numpy as np
 from ..arrays import Float32, Float64
 from ..bases.quadtree import Nodes
 from ..encoding.range_kernels import add_light, answers, eigenvectors, gram, turned
-from ..rays.surfaces import SurfaceScene
 from ..transport.bounces import Bounced, bounced
 from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
-from ..transport.metal_rays import Metals
 from ..transport.spreading import Spreading
 from ..transport.viewed_gathering import ViewedGathering
-from .caustics import Caustics, find_caustics, from_metal
+from .caustics import Caustics, find_caustics, followed_metals, from_metal
 from .first_bounce import FirstBounce, first_bounce
 from .fitness import even_sky_fitness
 from .layer_receivers import LayerReceivers
@@ -90,13 +88,12 @@ class BouncedLight:
         """Trace, bounce and factor."""
         layer, scene = self._layer, self._layer.bouncing
         told = partial(_within, self._report)
-        gathering = Gathering.trace(
-            scene, layer.occluders, rays=self._rays, memory=self._memory,
-            metals=None if layer.metals is None else Metals(SurfaceScene(layer.scene), layer.metals),
-            report=told(0.0, 0.3),
-        )  # fmt: skip
         R = layer.settings.resolution
         cells = light_cells(R)
+        metals = followed_metals(layer, cells)
+        gathering = Gathering.trace(
+            scene, layer.occluders, rays=self._rays, memory=self._memory, metals=metals, report=told(0.0, 0.3)
+        )
         transfer = DiffuseTransfer(layer.occluders, layer.origins, scene.normals)
         light = CellLight(transfer, cells, R)
         for share in light.trace(lanes=lanes):
@@ -107,8 +104,9 @@ class BouncedLight:
                 layer.scene, layer.occluders, cells, R, photons=layer.photons, report=told(0.35, 0.4)
             )
         metal = None
-        if layer.metals is not None:
-            metal = from_metal(gathering.to_sky, cells, R, vertices=gathering.rows, rays=self._rays)
+        if metals is not None:
+            metal = from_metal(gathering.to_sky, cells, R, rays=self._rays)
+            gathering.to_sky.clear()
         viewed = self._viewed(gathering)
         colours = 1 if gathering.is_grey and not viewed and (caustics is None or caustics.colours == 1) else 3
         direct = self._direct(gathering, light, cells, colours)
@@ -122,7 +120,7 @@ class BouncedLight:
         first = None
         if len(self._plain) == layer.count == gathering.rows:
             first = first_bounce(gathering, scene, transfer, rays=self._rays, lanes=lanes)
-        fitness = even_sky_fitness(scene, layer.occluders, gathering)
+        fitness = even_sky_fitness(scene, layer.occluders, gathering, metals=metals)
         return BouncedPart(
             cells=cells,
             modes=modes,

@@ -8,16 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Positions
+from ..bases.quadtree import Nodes
 from ..errors import InputError
 from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
 from ..transport.gathering_kernels import count_entries
 from ..transport.hemisphere import HemisphereRays
+from ..transport.metal_rays import MOST_BYTES, MetalRays, MirroredHits
 from ..transport.photon_mapping import PhotonMap
 from ..transport.photon_sources import SkySource
 from ..transport.photon_tracing import BATCH, CAUSTIC
 from .bounced import COLUMNS, MIXTURES, MOST_MODES
-from .caustics import BOUNCED_SHARE, CELLS_AT_ONCE
+from .caustics import BOUNCED_SHARE, CELLS_AT_ONCE, followed_metals
 from .first_bounce import BYTES_PER_ENTRY, BYTES_PER_VERTEX, MOST_ENTRIES
 from .layer_receivers import LayerReceivers
 from .light_cells import ASKED_AT_ONCE, DIRECTIONS, light_cells
@@ -29,6 +31,7 @@ _SOLVER_COPIES = 22  # of the columns that are solved together
 _RAYS_AT_ONCE = 1 << 22
 _BYTES_PER_RAY = 60  # of a tile of the operator
 _BYTES_PER_COLOUR = 110  # of a ray, where each brings a colour of its own
+_SKY_COPIES = 2.5  # of what metal mirrors of it
 _USED_SHARE = 0.9
 _STRETCHES, _TRIED_RAYS = 5, 1 << 18  # whose hits are tried
 _PRODUCTS = 8  # that solving takes
@@ -64,18 +67,19 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
     settings, scene = layer.settings, layer.scene
     if settings.bounces == 0:
         return BouncedPlan()
-    V, N = len(scene.positions), layer.count
+    V, N, cells = len(scene.positions), layer.count, light_cells(settings.resolution)
     viewed = sum(len(zone.rows) for zone in layer.zones if zone.kind == VIEWED)
     coloured = bool(scene.textures) or layer.metals is not None  # entries
     grey = not viewed and not coloured and bool((scene.albedo == scene.albedo[:, :1]).all())
     C = 1 if grey else 3
-    per_row, ray_seconds = tried_rows(scene, layer.occluders, layer.origins, gather_rays=settings.gather_rays)
-    entries = int(per_row * V)
+    tried = _tried(scene, _rays_of(layer, cells))
+    per_row, ray_seconds, entries = tried.entries, tried.seconds, int(tried.entries * V)
     wanted = entries * (8 if not coloured else 4 + 4 * C) + 8 * V
 
     fixed = _PROCESS_BYTES + len(scene.triangles) * _BYTES_PER_TRIANGLE
     per_ray = _BYTES_PER_RAY + (0 if layer.metals is None else _BYTES_PER_COLOUR)
     fixed += min(_RAYS_AT_ONCE, V * settings.gather_rays) * per_ray
+    fixed += int(V * tried.sky_bytes * _SKY_COPIES) + (0 if layer.metals is None else MOST_BYTES)
     fixed += min(ASKED_AT_ONCE, V * DIRECTIONS) * 12
     fixed += V * (C * 4 * (2 * MIXTURES + _SOLVER_COPIES * COLUMNS) + DIRECTIONS // 8) + N * MIXTURES * 12
     keeps_first = not viewed and N == V
@@ -91,15 +95,14 @@ def plan_bounced(layer: LayerReceivers, memory: int) -> BouncedPlan:
         raise InputError("memory", f"{reason} at least {least:.1f} GB is, or --bounces 0")
 
     gathered = V * settings.gather_rays
-    rays = gathered + V * DIRECTIONS // 2 + 2 * viewed * settings.gather_rays
+    rays = gathered + int(V * tried.sent_on) + V * DIRECTIONS // 2 + 2 * viewed * settings.gather_rays
     products = _PRODUCTS if settings.bounces is None else min(settings.bounces, _PRODUCTS)
     passes = 2 * -(-MIXTURES // COLUMNS) * products
     seconds = rays * ray_seconds + 2.0 * entries * MIXTURES * C * products / _ENTRY_COLUMNS
     if wanted > left:
         seconds += passes * (1 - left / wanted) * gathered * ray_seconds
     modes = int(MOST_MODES * _USUAL_MODES)
-    cells = len(light_cells(settings.resolution))
-    size = modes * (N + (0 if viewed else C * V) + 4 * C * cells) + first
+    size = modes * (N + (0 if viewed else C * V) + 4 * C * len(cells)) + first
     return BouncedPlan(
         rays=rays + photons.rays,
         seconds=float(seconds) + photons.seconds,
@@ -117,17 +120,44 @@ def tried_rows(
 ) -> tuple[float, float]:
     """Entries of a row of the operator, and seconds a ray, from some receivers of the scene."""
     rays = HemisphereRays(occluders, scene, origins=origins, normals=scene.normals, rays=gather_rays)
+    tried = _tried(scene, rays)
+    return tried.entries, tried.seconds
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """Of a row of the operator, the mean of some."""
+
+    entries: float
+    seconds: float  # a ray, with those that metal sends on
+    sent_on: float  # rays
+    sky_bytes: float  # of the sky by way of metal
+
+
+def _rays_of(layer: LayerReceivers, cells: Nodes) -> HemisphereRays:
+    scene, rays, metals = layer.scene, layer.settings.gather_rays, followed_metals(layer, cells)
+    origins, normals = layer.origins, scene.normals
+    if metals is None:
+        return HemisphereRays(layer.occluders, scene, origins=origins, normals=normals, rays=rays)
+    return MetalRays(layer.occluders, scene, metals, origins=origins, normals=normals, rays=rays)
+
+
+def _tried(scene: Scene, rays: HemisphereRays) -> _Tried:
     V = len(scene.positions)
-    count = min(max(1, _TRIED_RAYS // gather_rays), V)
+    count = min(max(1, _TRIED_RAYS // rays.rays), V)
     counts = np.empty(count, np.int64)
-    found, took = [], []
+    found, took, by_metal = [], [], []
     for first in np.linspace(0, V - count, _STRETCHES).astype(int):
         began = time.perf_counter()
         hits = rays.trace(int(first), count)
         count_entries(np.ascontiguousarray(scene.triangles), hits.triangle, counts, V)
         took.append(time.perf_counter() - began)
         found.append(counts.mean())
-    return float(np.mean(found)), min(took) / (count * gather_rays)
+        if isinstance(hits, MirroredHits):
+            by_metal.append((hits.to_sky.rays / count, hits.to_sky.bytes / count))
+    sent_on, sky_bytes = np.mean(by_metal, axis=0) if by_metal else (0.0, 0.0)
+    seconds = min(took) / (count * rays.rays)
+    return _Tried(float(np.mean(found)), seconds, float(sent_on), float(sky_bytes))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,10 +16,11 @@ from ..arrays import Float32, Float64, Int32, Int64
 from ..bases.cube_map import face_coordinates
 from ..bases.quadtree import Nodes
 from ..rays.mitsuba import Occluders
+from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
 from ..transport.hemisphere import Hits
 from ..transport.hit_colour import HitColour
-from ..transport.metal_rays import ToSky
+from ..transport.metal_rays import Metals, ToSky
 from ..transport.photon_density import LitSurface, PhotonDensity
 from ..transport.photon_mapping import PhotonMap
 from ..transport.photon_sources import SkySource
@@ -144,22 +146,20 @@ def find_caustics(
     return Caustics(**matrix, photons=sum(p.emitted for p, _ in found), noise=_noise(found))
 
 
-def from_metal(
-    found: Sequence[ToSky], cells: Nodes, resolution: int, *, vertices: int, rays: int
-) -> Caustics:
-    """What rough metal sends from each cell, from gathering rays that it sent to the sky, so many a vertex."""
+def followed_metals(layer: LayerReceivers, cells: Nodes) -> Metals | None:
+    """Metal that gathering follows light from, to cells of the sky; None where there is none."""
+    if layer.metals is None:
+        return None
+    cell_of = partial(cells_of, cells=cells, resolution=layer.settings.resolution)
+    return Metals(SurfaceScene(layer.scene), layer.metals, cell_of, len(cells))
+
+
+def from_metal(found: Sequence[ToSky], cells: Nodes, resolution: int, *, rays: int) -> Caustics:
+    """What rough metal sends from each cell, from what it sent to the sky of gathering rays, so many a vertex."""
+    matrix = _stacked([(part.counts, part.cells, part.weights) for part in found])
     per_unit = (1 / (rays * solid_angles_of(cells, resolution))).astype(np.float32)
-    parts, above = [], 0
-    for part in found:  # rows ascend from one to the next
-        cell = cells_of(part.directions, cells, resolution)
-        keys, place = np.unique(part.rows * len(cells) + cell, return_inverse=True)
-        weights = part.weights * per_unit[cell][:, None]
-        values = np.stack([np.bincount(place.ravel(), weights[:, c], minlength=len(keys)) for c in range(3)])
-        parts.append((keys // len(cells), (keys % len(cells)).astype(np.int32), values.astype(np.float32)))
-        above += len(part.rows)
-    row, of_cell, values = (np.concatenate(a, axis=-1) for a in zip(*parts, strict=True))
-    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=vertices))]).astype(np.int64)
-    return Caustics(starts, of_cell, np.ascontiguousarray(values), photons=above, noise=0.0)
+    matrix["values"] *= per_unit[matrix["cells"]]
+    return Caustics(**matrix, photons=sum(part.gone for part in found), noise=0.0)
 
 
 def _of_pixels(caustics: Caustics, layer: LayerReceivers) -> dict[str, np.ndarray]:

@@ -67,18 +67,21 @@ class Gathering:
         Sent, and wall time of tracing them.
     sky
         ``(rows,)`` share of a receiver's rays that meet nothing.
+    mirrored_sky
+        ``(rows, 3)`` what an even sky of 1 brings by way of rough metal, if rays were to be followed from it.
     backs
         ``(rows,)`` share of a receiver's rays that end on the back of a surface.
     albedo
         ``(V, 3)`` of the vertices.
     to_sky
-        Rays that rough metal sends there, if any were to be followed; light of theirs is in no entry.
+        The same of each cell of the sky, some rows after the other; light of it is in no entry.
     """
 
     def __init__(self, scene: Scene, rays: HemisphereRays) -> None:
         self.rows, self.columns = rays.receivers, len(scene.positions)
         self.albedo = scene.albedo
         self.sky, self.backs = np.zeros((2, self.rows), np.float32)
+        self.mirrored_sky = np.zeros((self.rows, 3), np.float32)
         self.entries = self.bytes = self.rays = 0
         self.seconds = 0.0
         self._triangles = np.ascontiguousarray(scene.triangles)
@@ -147,7 +150,7 @@ class Gathering:
             gathering.bytes += tile.bytes
             if report is not None:
                 report(tile.rows.stop / gathering.rows)
-        gathering.rays = int(gathering._sends.sum()) * rays
+        gathering.rays = int(gathering._sends.sum()) * rays + sum(part.rays for part in gathering.to_sky)
         gathering.seconds = time.perf_counter() - begin
         return gathering
 
@@ -161,6 +164,7 @@ class Gathering:
             self.backs[tile] = (hits.triangle == BACK).mean(axis=1, dtype=np.float32)
             if isinstance(hits, MirroredHits):
                 self.to_sky.append(hits.to_sky)
+                self.mirrored_sky[tile] = hits.to_sky.by_row() / np.float32(self._rays.rays)
         counts = np.empty(rows, np.int64)
         count_entries(self._triangles, hits.triangle, counts, self.columns)
         starts = np.concatenate([[0], np.cumsum(counts)])

@@ -17,6 +17,7 @@ from ..rays.mitsuba import Occluders
 from ..scene.geometry import Scene
 from .gathering import Gathering
 from .hemisphere import HemisphereRays
+from .metal_rays import Metals
 from .vantage import vantage_points
 
 LIMIT = 0.1  # of a place's light, or the mean's if that is more; four times the noise of 256 rays
@@ -84,7 +85,7 @@ class MeshFitness:
         return low
 
 
-def measure_fitness(
+def measure_fitness(  # noqa: PLR0913 - most of them are seldom given
     scene: Scene,
     occluders: Occluders,
     *,
@@ -93,6 +94,7 @@ def measure_fitness(
     direct_at: DirectAt | None = None,
     most: int = MOST_POINTS,
     seed: int = 0,
+    metals: Metals | None = None,
 ) -> MeshFitness:
     """How well a mesh holds this light.
 
@@ -107,6 +109,8 @@ def measure_fitness(
         it is not given.
     most
         Points; if there are more triangles they are chosen by area.
+    metals
+        That indirect light was gathered with.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 19]))
     areas = _areas(scene)
@@ -114,7 +118,9 @@ def measure_fitness(
     weights = _anywhere(len(triangle), rng)
     place, normal = (_interpolated(scene, triangle, weights, a) for a in (scene.positions, scene.normals))
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    gathering = Gathering.trace(scene, occluders, origins=place, normals=normal, rays=_RAYS, seed=seed + 1)
+    gathering = Gathering.trace(
+        scene, occluders, origins=place, normals=normal, rays=_RAYS, seed=seed + 1, metals=metals
+    )
     found = gathering.bounce(direct + indirect)
     said = _interpolated(scene, triangle, weights, indirect)
     if direct_at is not None:

@@ -7,12 +7,13 @@ by way of metal is handed on with its directions, for direct light knows nothing
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Directions, Float32, Int32, Int64, Normals, Positions
+from ..arrays import Directions, Float32, Float64, Int32, Int64, Normals, Positions
 from ..rays.mitsuba import Occluders
 from ..rays.surfaces import SurfaceScene
 from ..scene.geometry import Scene
@@ -21,16 +22,40 @@ from .hemisphere import BACK, NOTHING, HemisphereRays, Hits
 _STAGE = 83  # keeps these random numbers apart from those of other stages
 _HALF_FLOAT = 2.0**-24
 _SKYWARD = 16  # directions of a ray that look for the sky
-_AT_ONCE = 1 << 17  # rays that go on
+_AT_ONCE = 1 << 15  # rays that go on
+MOST_BYTES = 200 * _SKYWARD * _AT_ONCE  # of their directions, measured
 
 
 @dataclass(frozen=True)
 class ToSky:
-    """Rays that metal sends into the sky: their receivers, directions, and what of light comes back along them."""
+    """What light of each cell of the sky comes back by way of metal, of receivers one after the other.
 
-    rows: Int64[np.ndarray, "n"]
-    directions: Directions
-    weights: Float32[np.ndarray, "n 3"]
+    Attributes
+    ----------
+    counts
+        ``(rows,)`` cells that a receiver has light from; at most all.
+    cells
+        ``(n,)``, ascending in a row.
+    weights
+        ``(3, n)`` of light from a cell, added up over the rays of a receiver.
+    rays
+        That metal sent on, and how many of them met nothing.
+    """
+
+    counts: Int64[np.ndarray, "rows"]
+    cells: Int32[np.ndarray, "n"]
+    weights: Float32[np.ndarray, "3 n"]
+    rays: int
+    gone: int
+
+    @property
+    def bytes(self) -> int:
+        return self.counts.nbytes + self.cells.nbytes + self.weights.nbytes
+
+    def by_row(self) -> Float32[np.ndarray, "rows 3"]:
+        """Of all cells together."""
+        row, n = np.repeat(np.arange(len(self.counts)), self.counts), len(self.counts)
+        return np.stack([np.bincount(row, w, minlength=n) for w in self.weights], axis=1).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -43,10 +68,12 @@ class MirroredHits(Hits):
 
 @dataclass(frozen=True)
 class Metals:
-    """Which materials (materials,) of a scene rays go on from, and its surfaces."""
+    """Which materials of a scene rays go on from, its surfaces, and the cells that the sky is told apart by."""
 
     surfaces: SurfaceScene
-    chosen: np.ndarray  # bool
+    chosen: np.ndarray  # (materials,) bool
+    cell_of: Callable[[Directions], Int32[np.ndarray, "n"]]
+    cells: int
 
 
 class MetalRays(HemisphereRays):
@@ -58,6 +85,7 @@ class MetalRays(HemisphereRays):
     ) -> None:  # fmt: skip
         super().__init__(occluders, scene, origins=origins, normals=normals, rays=rays, seed=seed)
         self._surfaces, self._is_metal = metals.surfaces, metals.chosen[scene.material_of]
+        self._cell_of, self._cells = metals.cell_of, metals.cells
         self._words = np.random.SeedSequence([seed, _STAGE]).generate_state(2)
 
     def trace(self, first: int, count: int) -> MirroredHits:
@@ -71,22 +99,25 @@ class MetalRays(HemisphereRays):
         shape = count, self.rays
         weights = np.ones((count * self.rays, 3), np.float32)
         going = np.flatnonzero((found >= 0) & self._is_metal[found]).astype(np.int32)
-        parts = [ToSky(np.zeros(0, np.int64), *np.zeros((2, 0, 3), np.float32))]
+        parts, gone = [(np.zeros(0, np.int64), np.zeros((3, 0)))], 0
         for start in range(0, len(going), _AT_ONCE):
             some = going[start : start + _AT_ONCE]
             look = self._at_metal(some, (found[some], u[some], v[some]), d)
             rays = some.astype(np.int64) + first * self.rays
             (end, u[some], v[some]), weights[some], _ = self._onward(look, rays, trials=range(1))
             found[some] = np.where(end == NOTHING, BACK, end)
-            parts.append(self._to_sky(look, rays))
-        rows, directions, of_sky = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("rows", "directions", "weights")
-        )
-        return MirroredHits(
-            found.reshape(shape), u.reshape(shape), v.reshape(shape), weights.reshape(*shape, 3),
-            ToSky(rows, directions, of_sky),
+            keys, sums, away = self._to_sky(look, rays, first)
+            parts.append((keys, sums))
+            gone += away
+        keys, sums = _added(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+        row, cell = np.divmod(keys, self._cells)
+        to_sky = ToSky(
+            np.bincount(row, minlength=count), cell.astype(np.int32), sums.astype(np.float32),
+            rays=len(going) * (1 + _SKYWARD), gone=gone,
         )  # fmt: skip
+        return MirroredHits(
+            found.reshape(shape), u.reshape(shape), v.reshape(shape), weights.reshape(*shape, 3), to_sky
+        )
 
     def _at_metal(
         self, lanes: Int32[np.ndarray, "n"], where: tuple[np.ndarray, ...], d: Any
@@ -99,12 +130,15 @@ class MetalRays(HemisphereRays):
         si.wi = si.to_local(-dr.gather(self._mi.Vector3f, d, self._mi.UInt32(lanes.astype(np.uint32))))
         return si, bsdf
 
-    def _to_sky(self, look: tuple[Any, Any], rays: Int64[np.ndarray, "n"]) -> ToSky:
-        """Several directions of each ray: a sun is small."""
+    def _to_sky(
+        self, look: tuple[Any, Any], rays: Int64[np.ndarray, "n"], first: int
+    ) -> tuple[Int64[np.ndarray, "n"], Float64[np.ndarray, "3 n"], int]:
+        """Several directions of each ray, for a sun is small: as ``_added``, and how many met nothing."""
         ends, weights, away = self._onward(look, rays, trials=range(1, 1 + _SKYWARD))
-        gone = ends[0] == NOTHING
-        rows = np.repeat(rays // self.rays, _SKYWARD)[gone]
-        return ToSky(rows, away[gone], weights[gone] / np.float32(_SKYWARD))
+        gone = np.flatnonzero(ends[0] == NOTHING)
+        row = rays[gone // _SKYWARD] // self.rays - first
+        keys = row * self._cells + self._cell_of(away[gone])
+        return *_added(keys, weights[gone].T / np.float32(_SKYWARD)), len(gone)
 
     def _onward(
         self, look: tuple[Any, Any], rays: Int64[np.ndarray, "n"], *, trials: range
@@ -132,6 +166,14 @@ class MetalRays(HemisphereRays):
         dr.eval(ends, weight, d)
         found = tuple(x.numpy() for x in ends)
         return found, np.array([x.numpy() for x in weight]).T, np.array([x.numpy() for x in d]).T
+
+
+def _added(
+    keys: Int64[np.ndarray, "n"], values: np.ndarray
+) -> tuple[Int64[np.ndarray, "m"], Float64[np.ndarray, "3 m"]]:
+    """Row × cells + cell, each once and ascending, and the sums of (3, n) values there."""
+    keys, place = np.unique(keys, return_inverse=True)
+    return keys, np.stack([np.bincount(place.ravel(), v, minlength=len(keys)) for v in values])
 
 
 def with_albedo(hits: MirroredHits, colours: np.ndarray, scene: Scene) -> MirroredHits:
