@@ -11,6 +11,7 @@ from ..storage.chunks import ArraySpec
 from ..storage.journal import BakeWriter
 from .bounced import HELD, BouncedPart
 from .first_bounce import FirstBounce
+from .scene_arrays import not_empty
 from .zones import Zone
 
 FIRST = ("order", "left", "colours", "sums", "scales", "counts", "steps", "codes")
@@ -36,7 +37,7 @@ def write_bounced(writer: BakeWriter, at: str, part: BouncedPart, zones: list[Zo
         parts["source_scales"] = np.stack([scale for _, scale in found])
     first = part.first
     if first is not None:
-        parts |= {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
+        parts |= {f"first/{name}": not_empty(getattr(first, name)) for name in FIRST}
     caustics = part.caustics
     for name, sent_on in (("caustics", caustics), ("metal", part.metal)):
         if sent_on is not None:
@@ -78,8 +79,3 @@ def _said_of(first: FirstBounce) -> dict[str, int | float]:
         "bounced_first_threshold": first.threshold,
         "bounced_first_error": first.error,
     }
-
-
-def _not_empty(values: np.ndarray) -> np.ndarray:
-    """An array has no empty shape."""
-    return values if len(values) else np.zeros(1, values.dtype)

@@ -26,13 +26,12 @@ from .cloud_trials import TRIALS, trial_places, tried
 from .cloud_zones import Lamps, Lost, Zone, lost, make_zone, thinned
 from .exitant import ExitantPart
 from .layer_writer import software
-from .scene_arrays import WrittenArrays, scene_record
+from .scene_arrays import WrittenArrays, scene_record, told_digits
 
 LAYER = "cloud"
 Report = Callable[[float], None]  # share done
 _AT = f"layers/{LAYER}"
 _COLUMN_SHARE = 0.7  # of the work, for reporting
-_DIGITS = 6
 _IDENTITY = (
     "lights", "radius", "zone", "clusters", "coefficients", "error", "w1", "w2", "merge", "modes",
     "interpolation", "codes", "gather_rays", "glossy_order",
@@ -201,7 +200,7 @@ class _Making:
             rays=columns.rays + int(gloss.get("glossy_rays", 0)),
             parameters={
                 "asked_lights": settings.lights, "radius": settings.radius,
-                "w1": _told(weights.w1), "w2": _told(weights.w2),
+                "w1": told_digits(weights.w1), "w2": told_digits(weights.w2),
                 "merge": settings.merge, "patches": 0, "modes": columns.modes, "colours": columns.colours,
                 "interpolation": settings.interpolation if columns.modes else "kernel",
                 "codes": settings.codes, "gather_rays": settings.gather_rays, "bounces": "all", "zone": settings.zone,
@@ -210,10 +209,10 @@ class _Making:
             },
             statistics={
                 "in_solids": plan.grid.in_solids, "zones": len(zones), "clusters": len(clusters),
-                "kept_lights": len(arrays["lights"]), "coefficients_a_vertex": _told(coefficients / V),
-                "groups": _told(float(np.mean([zone.groups.count for zone in zones]))),
-                "flux_scale": scale, "remaining": _told(columns.remaining),
-                **{name: _told(share) for name, share in errors.items()}, **gloss,
+                "kept_lights": len(arrays["lights"]), "coefficients_a_vertex": told_digits(coefficients / V),
+                "groups": told_digits(float(np.mean([zone.groups.count for zone in zones]))),
+                "flux_scale": scale, "remaining": told_digits(columns.remaining),
+                **{name: told_digits(share) for name, share in errors.items()}, **gloss,
             },
         )  # fmt: skip
         return Manifest(
@@ -226,8 +225,3 @@ class _Making:
             chunks=written.chunks,
             software=software(),
         )
-
-
-def _told(value: float) -> float:
-    """As many digits as a measurement has."""
-    return float(f"{value:.{_DIGITS}g}")

@@ -8,6 +8,7 @@ from ..arrays import Float32, Int32
 from ..encoding.modes import in_bytes
 from .cloud_grid import LightGrid
 from .cloud_zones import Zone
+from .scene_arrays import not_empty
 
 
 def kept_lights(zones: list[Zone]) -> tuple[Int32[np.ndarray, "lights"], Int32[np.ndarray, "zones kept"]]:
@@ -76,16 +77,11 @@ def row_arrays(zones: list[Zone], *, codes: str) -> dict[str, np.ndarray]:
         "clusters": np.array(table, np.int32),
         "bases": np.concatenate(bases),
         "base_scales": np.concatenate(base_scales).astype(np.float32),
-        "codes": _not_empty(np.concatenate(values)),
-        "code_scales": _not_empty(np.concatenate(value_scales).astype(np.float32)),
+        "codes": not_empty(np.concatenate(values)),
+        "code_scales": not_empty(np.concatenate(value_scales).astype(np.float32)),
     }
 
 
 def half_floats(values: np.ndarray) -> np.ndarray:
     """Half-precision numbers as the bits that they are, uint16; nothing is beyond them within [−1, 1]."""
     return np.ascontiguousarray(values, np.float16).view(np.uint16)
-
-
-def _not_empty(values: np.ndarray) -> np.ndarray:
-    """An array has no empty shape."""
-    return values if len(values) else np.zeros(1, values.dtype)

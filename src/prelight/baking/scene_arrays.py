@@ -64,6 +64,16 @@ def plain(value: Any) -> Any:
     return [plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
+def not_empty(values: np.ndarray) -> np.ndarray:
+    """One zero instead of nothing: an array of a bake has no empty shape."""
+    return values if len(values) else np.zeros(1, values.dtype)
+
+
+def told_digits(value: float) -> float:
+    """As many digits as a measurement has, so that manifests do not say more than is known."""
+    return float(f"{value:.6g}")
+
+
 def whole(values: np.ndarray) -> ArraySpec:
     """An array in one chunk."""
     return ArraySpec(shape=list(values.shape), dtype=values.dtype.name, chunk_shape=list(values.shape))

@@ -35,7 +35,7 @@ from .exitant import ExitantPart
 from .first_bounce import FirstBounce, thinned_operators
 from .later_bounces import LaterBounces, later_bounces
 from .layer_writer import software
-from .scene_arrays import WrittenArrays, scene_record, whole
+from .scene_arrays import WrittenArrays, not_empty, scene_record, told_digits, whole
 from .thinned_gathering import ThinnedGathering
 from .transfer_plan import TransferPlan, plan_transfer
 from .transfer_settings import COARSER, HELD_OUT, TRIALS, TransferSettings
@@ -47,7 +47,6 @@ _AT = f"layers/{LAYER}"
 _FIT_POINTS = 4_000
 _HELD_OUT_SEED = 1
 _CLEAR = 0.03  # of the scene's extent: how far from surfaces lights are that errors are told of
-_DIGITS = 6
 _LEAST_ENTRIES = 16
 
 
@@ -168,14 +167,14 @@ class _Making:
             indirect=np.ascontiguousarray(solved.indirect[:, ::2]),
         )
         self.report(0.65)
-        arrays = {f"first/{name}": _not_empty(getattr(first, name)) for name in FIRST}
+        arrays = {f"first/{name}": not_empty(getattr(first, name)) for name in FIRST}
         for name in FIRST if later else ():
-            arrays[f"later/{name}"] = _not_empty(getattr(later[0], name))
+            arrays[f"later/{name}"] = not_empty(getattr(later[0], name))
         arrays["origins"] = self.ground.origins
         told = {
             "rays": gathering.rays, "entries": gathering.entries, "first_error": first.error,
             "first_entries": int(first.counts.sum(dtype=np.int64)), "first_threshold": first.threshold,
-            "held": _told(fit.share), "edge": _told(min(fit.edge_for(HELD), 1e9)),
+            "held": told_digits(fit.share), "edge": told_digits(min(fit.edge_for(HELD), 1e9)),
         }  # fmt: skip
         if later:
             told |= {
@@ -204,8 +203,9 @@ class _Making:
         held_out = np.repeat(self._lights(HELD_OUT, seed=_HELD_OUT_SEED)[:, :, None], 3, axis=2)
         errors, left_out = self._errors((first, later), found, held_out, solved)
         told = {
-            "modes": found.modes.shape[1], "remaining": _told(min(found.remaining, 1e9)),
-            "left_out": left_out, "error": _told(float(np.median(errors))), "worst_error": _told(float(errors.max())),
+            "modes": found.modes.shape[1], "remaining": told_digits(min(found.remaining, 1e9)),
+            "left_out": left_out, "error": told_digits(float(np.median(errors))),
+            "worst_error": told_digits(float(errors.max())),
         }  # fmt: skip
         return self._keep("modes", arrays, {}, told, began)
 
@@ -224,12 +224,12 @@ class _Making:
         ours = total + found.of(light)
         truly = total + bounced(cast(Gathering, thin[1]), light).indirect
         by_modes = _shares(ours - truly, truly, self.areas)
-        return _shares(ours - solved, solved, self.areas), _told(float(np.median(by_modes)))
+        return _shares(ours - solved, solved, self.areas), told_digits(float(np.median(by_modes)))
 
     def _lost(self, thinned: FirstBounce, light: np.ndarray, truly: np.ndarray) -> float:
         """What thinning takes from a bounce of the middle one of some lights, RMS."""
         ours = ThinnedGathering(thinned).bounce(light)
-        return _told(float(np.median(_shares(ours - truly, truly, self.areas))))
+        return told_digits(float(np.median(_shares(ours - truly, truly, self.areas))))
 
     def _lights(self, count: int, *, seed: int) -> np.ndarray:
         ground, scene = self.ground, self.scene
@@ -323,13 +323,3 @@ def _shares(difference: np.ndarray, light: np.ndarray, areas: np.ndarray) -> Flo
     )
     lit = of > 1e-12 * max(float(of.max(initial=0.0)), 1e-300)
     return np.sqrt(lost[lit] / of[lit]) if lit.any() else np.zeros(1)
-
-
-def _told(value: float) -> float:
-    """As many digits as a measurement has."""
-    return float(f"{value:.{_DIGITS}g}")
-
-
-def _not_empty(values: np.ndarray) -> np.ndarray:
-    """An array has no empty shape."""
-    return values if len(values) else np.zeros(1, values.dtype)
