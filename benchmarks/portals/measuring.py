@@ -83,11 +83,11 @@ def chosen_receivers(room: PortalsRoom, light: PortalsRelighter, count: int = RE
 
 
 def _indoors(room: PortalsRoom) -> np.ndarray:
-    """(V,) whether vertices see the sky through glass alone, by 64 rays of each."""
+    """(V,) whether vertices see the sky through portals alone, by 512 rays of each."""
     mi, scene = room.occluders.mi, room.open
     rng, inside = np.random.default_rng(5), np.abs(scene.normals).sum(axis=1) > 0
     start = room.origins + np.float32(ray_offset(scene.positions)) * scene.normals
-    for _ in range(64):
+    for _ in range(512):
         d = rng.standard_normal(scene.normals.shape)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         d = (scene.normals + 0.999 * d).astype(np.float32)

@@ -15,10 +15,14 @@ from ..encoding.vertex_tree import left_shares, vertex_order
 from ..scene.geometry import Scene
 from ..transport.direct import DiffuseTransfer
 from ..transport.gathering import Gathering
+from .entry_weights import EntryWeights
 
 MOST_ENTRIES = 224  # a row, in the mean
 BYTES_PER_VERTEX, BYTES_PER_ENTRY = 30, 3  # on disk
 _SMALLEST = 0.5  # rays: less is their noise
+_SMALLEST_WEIGHED = (
+    0.05  # of entries that are weighed by light: so much dimmer than the mean is a ray for some
+)
 _LADDER = 2**0.25
 _TRIED_ROWS = 4096
 _ADJUSTMENTS = 2
@@ -65,36 +69,47 @@ def first_bounce(
 
 
 def thinned_operator(
-    gathering: Gathering, scene: Scene, *, rays: int, most: float = MOST_ENTRIES
+    gathering: Gathering,
+    scene: Scene,
+    *,
+    rays: int,
+    most: float = MOST_ENTRIES,
+    weights: EntryWeights | None = None,
 ) -> FirstBounce:
     """The operator of so many rays a row, with at most so many entries a row in the mean; its error not measured."""
-    return thinned_operators(gathering, scene, rays=rays, most=(most,))[0]
+    return thinned_operators(gathering, scene, rays=rays, most=(most,), weights=weights)[0]
 
 
 def thinned_operators(
-    gathering: Gathering, scene: Scene, *, rays: int, most: tuple[float, ...]
+    gathering: Gathering,
+    scene: Scene,
+    *,
+    rays: int,
+    most: tuple[float, ...],
+    weights: EntryWeights | None = None,
 ) -> list[FirstBounce]:
-    """The same several times, finer and coarser."""
+    """The same several times, finer and coarser; ``weights`` of entries, where it is known what light is likely."""
     order = vertex_order(scene.positions, scene.normals)
-    masses, colours, tried = _columns(gathering)
+    weights = weights or EntryWeights()
+    masses, colours, tried = _columns(gathering, weights)
     place = np.empty(len(order), np.int32)
     place[order] = np.arange(len(order), dtype=np.int32)
     trust = masses.sum(dtype=np.float64) * _TRUST
     cuts = []
     for entries in most:
         tree = place, left_shares(order, masses)
-        threshold = _SMALLEST / rays
+        threshold = (_SMALLEST if weights.columns is None else _SMALLEST_WEIGHED) / rays
         while _counts(tried, tree, threshold).mean() > entries:
             threshold *= _LADDER
         for _ in range(_ADJUSTMENTS):
             tree = place, _shares_of_dropped(tried, tree, threshold, trust)
         cuts.append((tree, threshold))
     parts: list[list] = [[] for _ in most]
-    for tile in gathering.tiles():
-        matrix = tile.starts, tile.columns, _grey(tile.values)
+    for rows, matrix, _ in weights.tiles(gathering):
         for found, (tree, threshold) in zip(parts, cuts, strict=True):
-            found.append(thinned(matrix, tree, threshold))
-    out = []
+            counts, sums, scales, *entries = thinned(matrix, tree, threshold)
+            found.append((counts, weights.of_row(sums, rows), weights.of_row(scales, rows), *entries))
+    out, colours = [], weights.of_column(colours)
     for found, (tree, threshold) in zip(parts, cuts, strict=True):
         counts, sums, scales, steps, codes = (np.concatenate(each) for each in zip(*found, strict=True))
         counts = counts.astype(np.uint16)
@@ -102,26 +117,21 @@ def thinned_operators(
     return out
 
 
-def _grey(values: Float32[np.ndarray, "channels entries"]) -> Float32[np.ndarray, "entries"]:
-    return values[0] if len(values) == 1 else values.mean(axis=0, dtype=np.float32)
-
-
-def _columns(gathering: Gathering) -> tuple[np.ndarray, np.ndarray, tuple]:
+def _columns(gathering: Gathering, weights: EntryWeights) -> tuple[np.ndarray, np.ndarray, tuple]:
     """How much all rows see of each vertex, its mean colour as they see it, and some rows to try thresholds on."""
     V = gathering.columns
     seen = np.zeros((max(1, gathering.coloured_entries), V))
     rows = np.unique(np.linspace(0, V - 1, min(_TRIED_ROWS, V)).astype(np.int64))
     counts, columns, values = [], [], []
-    for tile in gathering.tiles():
-        for c, of_channel in enumerate(tile.values):
-            seen[c] += np.bincount(tile.columns, of_channel, minlength=V)
-        grey = _grey(tile.values)
+    for of_tile, (starts, leads_to, grey), of_channels in weights.tiles(gathering):
+        for c, of_channel in enumerate(of_channels):
+            seen[c] += np.bincount(leads_to, of_channel, minlength=V)
         for row in (
-            rows[(rows >= tile.rows.start) & (rows < tile.rows.stop)] - tile.first
+            rows[(rows >= of_tile.start) & (rows < of_tile.stop)] - of_tile.start
         ):  # a thousand at most
-            part = slice(tile.starts[row], tile.starts[row + 1])
+            part = slice(starts[row], starts[row + 1])
             counts.append(part.stop - part.start)
-            columns.append(tile.columns[part].copy())
+            columns.append(leads_to[part].copy())
             values.append(grey[part].copy())
     mass = seen.mean(axis=0)
     floor = _LEAST_MASS * mass.mean() or 1.0

@@ -12,7 +12,7 @@ bring, and the operator's transpose then tells how much of each mode any column 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -23,9 +23,10 @@ from ..encoding.range_kernels import answers, eigenvectors, gram, turned
 from ..transport.bounces import Bounced, bounced
 from ..transport.gathering import Gathering
 from ..transport.spreading import Spreading
-from .first_bounce import FirstBounce, thinned_operator
+from .first_bounce import FirstBounce
 from .portals_direct import DirectLight
 from .portals_room import PortalsRoom
+from .portals_suns import bounce_of_suns
 
 TOLERANCE = 1e-3  # of all bounced light: the share that later bounces would add
 MOST_MODES = 124
@@ -281,18 +282,8 @@ class _Columns:
         )  # fmt: skip
 
     def _first(self) -> FirstBounce | None:
-        """The operator, thinned, for suns; with what thinning changes of some columns' first bounce."""
-        room = self.room
-        if not room.settings.suns:
-            return None
-        first = thinned_operator(self.gathering, room.bouncing, rays=room.settings.gather_rays)
-        D = self._direct(0, 1)[:, 0]
-        light = np.ascontiguousarray(np.broadcast_to(D, (len(D), 3)))
-        true = self.gathering.bounce(np.ascontiguousarray(D[:, None]))[:, 0]
-        found = first.bounce(light)[:, : true.shape[1]]
-        whole = float(np.square(true, dtype=np.float64).sum())
-        error = np.sqrt(np.square(found - true, dtype=np.float64).sum() / whole) if whole else 0.0
-        return replace(first, error=float(error))
+        """The operator, thinned, for suns."""
+        return bounce_of_suns(self.room, self.direct, self.gathering) if self.room.settings.suns else None
 
 
 def factored(

@@ -198,7 +198,7 @@ def checked_tables(document: dict[str, Any], path: object) -> RigTables:
     if first["type"] == "missing" and isinstance(place[-1], int):  # a number in brackets
         place, reason = (
             place[:-1],
-            "too few numbers, expected three for a colour or direction, two for a range",
+            "too few numbers, expected three for a colour or direction, two for a range or a place",
         )
     else:
         reason = _reason(first, place)

@@ -14,7 +14,7 @@ from ..storage.environment_layer import tree_size
 from .pace import Pace
 
 _MOST_SUM = 1 + 1e-3  # of a row: no place receives more than is sent
-_MOST_COLOUR = 3 + 1e-3  # of a mean of three that is at most 1
+_MOST_COLOUR = 3.1e5  # of a mean of three that is at most 1, over a weight from 1e-5 to 1
 
 
 @dataclass(frozen=True)
