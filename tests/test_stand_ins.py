@@ -14,6 +14,8 @@ from prelight.lighting.environment import Environment
 from prelight.lighting.glass import Glass
 from prelight.lighting.outside import Outside, OutsideObject, Path
 from prelight.lighting.rig import Rig
+from prelight.relighting.among_few import AmongFew
+from prelight.relighting.first_bounce import FirstBounce
 from prelight.relighting.portals import PortalsRelighter
 from prelight.relighting.stand_ins import StandIns
 from prelight.storage.bake import Bake
@@ -137,6 +139,41 @@ def test_a_blind_that_goes_down_slowly_takes_what_bounced_along(sunny) -> None:
     found, exact = live.irradiance - live.direct, fresh.irradiance - fresh.direct
     assert found.sum() == pytest.approx(exact.sum(), rel=0.02)
     assert off(found, exact) < 0.05
+
+
+@pytest.mark.parametrize(("of_each", "most"), [(4, 1e-5), (16, 0.1)])
+def test_what_has_bounced_goes_on_among_stand_ins(sunny, of_each: int, most: float) -> None:
+    """What all vertices and the whole tree say, or near it where the tree is cut; light taken away is its opposite."""
+    operator, (positions, normals) = (
+        PortalsRelighter(sunny).layer.first,
+        (sunny.receivers.positions, sunny.receivers.normals),
+    )
+    places = StandIns.of(positions, normals, count=len(positions) // of_each)
+    assert operator is not None
+    assert places is not None
+    chosen, rows = operator.chosen(places.rows), positions[places.rows]
+    light = np.ascontiguousarray(np.abs(rows - rows.min(axis=0)) + np.float32(0.1))
+    found, whole = AmongFew(chosen, places).bounce(light), chosen.bounce(places.spread(light))
+    assert off(found, whole) < most
+    assert found.sum() == pytest.approx(whole.sum(), rel=most)
+    np.testing.assert_allclose(AmongFew(chosen, places).bounce(-light), -found, atol=1e-3 * found.max())
+
+
+def test_an_update_of_a_drag_reads_the_light_of_all_vertices_once(sunny, monkeypatch) -> None:
+    """However often light bounces in it: more would cost a drag most of its time."""
+    live, places, seen = PortalsRelighter(sunny), few_of(sunny), []
+    bounce = FirstBounce.bounce
+
+    def counted(self: FirstBounce, light: np.ndarray) -> np.ndarray:
+        seen.append(len(light))
+        return bounce(self, light)
+
+    live.light(Rig(SKY))
+    live.warm(places)
+    monkeypatch.setattr(FirstBounce, "bounce", counted)
+    live.light(Rig(SKY, portals=glass(9)), coarse=places)
+    assert seen.count(live.vertices) == 1
+    assert len(seen) > 1
 
 
 def test_an_exact_answer_given_up_leaves_nothing_wrong(sunny) -> None:

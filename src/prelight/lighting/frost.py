@@ -7,8 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..arrays import CubeMap, Float32, Int32
+from ..arrays import CubeMap, Float32, Float64, Int32
 from ..bases import cube_map
+from .frost_code import HALVINGS, TERMS, WIDE
 from .frost_kernels import blur
 from .glass import Glass
 from .rough_pane import rough_pane
@@ -16,7 +17,7 @@ from .rough_pane import rough_pane
 CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
 _ROUGHLY, _MOST_ROUGHLY = 1.5, 16  # the same while a hand drags, and cells of a side at most
 _CUT = 4.0  # standard deviations
-_TABLE = 2048
+_PLACES = 64  # at which the polynomial of a weight is fitted
 
 
 def frosted(
@@ -56,21 +57,38 @@ def frosted(
     light = shell.reshape(-1, 3) if coarse == n else _averaged(shell, coarse)
     if coarse != n:
         inner = _middles(shell, coarse)
-    inner, areas, light = inner[order], areas[order], light[order]
-    most = 1 - math.cos(min(math.pi, _CUT * sigma))
-    angle = np.arccos(np.clip(1 - np.linspace(0, most, _TABLE), -1, 1))
-    table = np.exp(-0.5 * (angle / sigma) ** 2).astype(np.float32)
-    side = np.zeros(4, np.float32)
-    if outward is not None:
-        side[:3] = outward
-    side[3] = (_TABLE - 1) / most
-    out = np.empty((len(directions), 3), np.float32)
-    inputs = np.concatenate([inner, areas[:, None]], axis=1)
+    cells = np.zeros((len(inner), 8), np.float32)
+    cells[:, :3], cells[:, 4:7], cells[:, 7] = inner, light * areas[:, None], areas
+    cells = cells[order]
     if outward is not None:  # what does not count need not be looked at for every direction
-        ahead = inner @ side[:3] >= 0
-        inputs, light = inputs[ahead], light[ahead]
-    blur(*(_frozen(a) for a in (directions, inputs, light, table, side)), out)
-    return out.reshape(shell.shape)
+        cells = cells[cells[:, :3] @ outward >= 0]
+    reach = float(np.float32(min(math.pi, _CUT * sigma)))  # so that all agree whether it is wide
+    out = np.empty((len(directions), 3), np.float32)
+    blur(
+        *(_frozen(a) for a in (directions[_neighbours(n)], cells, _weight(sigma, reach))),
+        np.float32(reach),
+        out,
+    )
+    blurred = np.empty_like(out)
+    blurred[_neighbours(n)] = out
+    return blurred.reshape(shell.shape)
+
+
+@lru_cache(maxsize=1)
+def _fit() -> tuple[Float64[np.ndarray, "places"], Float64[np.ndarray, "terms places"]]:
+    """Places between 0 and 1, and what makes a polynomial of values there."""
+    places = 0.5 - 0.5 * np.cos(np.pi * (np.arange(_PLACES) + 0.5) / _PLACES)
+    return places, np.linalg.pinv(places[:, None] ** np.arange(TERMS))
+
+
+def _weight(sigma: float, reach: float) -> Float32[np.ndarray, "terms_and_one"]:
+    """A Gaussian of the angle up to ``reach``, radians, as the kernel takes it."""
+    places, fit = _fit()
+    part = 2 if reach > WIDE else 1  # of the angle: see frost_code
+    most = 1 - math.cos(reach / part)
+    angle = part * np.arccos(np.clip(1 - most * places, -1, 1))
+    root = np.exp(-0.5 * (angle / sigma) ** 2 / 2**HALVINGS)
+    return np.append(fit @ root, 1 / most).astype(np.float32)
 
 
 def through_glass(

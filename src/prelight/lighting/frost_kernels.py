@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit, prange, types
 
+from .frost_code import LANES, WIDE, cell_sums
+
 f4 = types.float32
 
 
@@ -13,75 +15,67 @@ def _read_only(kind: types.Type, dimensions: int) -> types.Array:
 
 
 TOGETHER = 16  # cells that are passed over at once, if all of them are too far away
+_add_cells, _add_far_cells = cell_sums(wide=False), cell_sums(wide=True)
+_BLOCKS = 4  # of directions, of a thread at a time
 
 
 @njit(cache=True)
-def _bound(inputs, caps, reach):
-    """Of each block of cells: its middle, and the least cosine to it of directions that any of them counts for."""
+def _cap(points, first, last, cap):
+    """The middle of some unit directions, and the largest angle to it."""
+    middle = cap[:3]
+    middle[:] = 0
+    for k in range(first, last):
+        middle += points[k, :3]
+    middle /= max(np.sqrt((middle * middle).sum()), np.float32(1e-6))
+    least = np.float32(1)
+    for k in range(first, last):
+        least = min(least, (middle * points[k, :3]).sum())
+    cap[3] = np.arccos(max(least, np.float32(-1)))
+
+
+@njit(cache=True)
+def _blur_block(directions, first, cells, weight, caps, reach, out):
+    """Of up to LANES directions that are near each other."""
+    last = min(len(directions), first + LANES)
+    own, sums = np.empty((3, LANES), np.float32), np.zeros((4, LANES), np.float32)
+    for i in range(LANES):
+        for a in range(3):
+            own[a, i] = directions[min(first + i, last - 1), a]
+    cap = np.empty(4, np.float32)
+    _cap(directions, first, last, cap)
     for b in range(len(caps)):
-        first, last = b * TOGETHER, min(len(inputs), (b + 1) * TOGETHER)
-        middle = caps[b, :3]
-        middle[:] = 0
-        for k in range(first, last):
-            middle += inputs[k, :3]
-        middle /= max(np.sqrt((middle * middle).sum()), np.float32(1e-6))
-        least = np.float32(1)
-        for k in range(first, last):
-            least = min(least, (middle * inputs[k, :3]).sum())
-        angle = np.arccos(max(least, np.float32(-1))) + reach + np.float32(1e-3)
-        caps[b, 3] = np.cos(angle) if angle < np.pi else np.float32(-2)
-
-
-@njit(cache=True)
-def _blur_some(d, inputs, light, table, outward):
-    red = green = blue = total = np.float32(0)
-    last = len(table) - 1
-    for k in range(len(inputs)):
-        x, y, z, area = inputs[k, 0], inputs[k, 1], inputs[k, 2], inputs[k, 3]
-        if outward[0] * x + outward[1] * y + outward[2] * z < 0:
-            continue
-        place = (np.float32(1) - (d[0] * x + d[1] * y + d[2] * z)) * outward[3]
-        if place >= last:
-            continue
-        below = np.int32(max(place, np.float32(0)))
-        part = place - below
-        weight = (table[below] * (1 - part) + table[below + 1] * part) * area
-        red += weight * light[k, 0]
-        green += weight * light[k, 1]
-        blue += weight * light[k, 2]
-        total += weight
-    return red, green, blue, total
-
-
-@njit(cache=True)
-def _blur_cell(d, inputs, light, table, outward, caps, out):
-    red = green = blue = total = np.float32(0)
-    for b in range(len(caps)):
-        if caps[b, 0] * d[0] + caps[b, 1] * d[1] + caps[b, 2] * d[2] >= caps[b, 3]:
-            first, last = b * TOGETHER, min(len(inputs), (b + 1) * TOGETHER)
-            r, g, bl, t = _blur_some(d, inputs[first:last], light[first:last], table, outward)
-            red, green, blue, total = red + r, green + g, blue + bl, total + t
-    scale = np.float32(1) / total if total > 0 else np.float32(0)
-    out[0], out[1], out[2] = red * scale, green * scale, blue * scale
+        angle = caps[b, 3] + cap[3] + reach + np.float32(1e-3)
+        near = caps[b, 0] * cap[0] + caps[b, 1] * cap[1] + caps[b, 2] * cap[2]
+        if angle >= np.pi or near >= np.cos(angle):
+            begin, end = b * TOGETHER, min(len(cells), (b + 1) * TOGETHER)
+            at = cells.ctypes.data + 32 * begin
+            if reach > WIDE:
+                _add_far_cells(own.ctypes.data, at, end - begin, weight.ctypes.data, sums.ctypes.data)
+            else:
+                _add_cells(own.ctypes.data, at, end - begin, weight.ctypes.data, sums.ctypes.data)
+    for i in range(last - first):
+        scale = np.float32(1) / sums[3, i] if sums[3, i] > 0 else np.float32(0)
+        for c in range(3):
+            out[first + i, c] = sums[c, i] * scale
 
 
 @njit(
-    [types.void(
-        _read_only(f4, 2), _read_only(f4, 2), _read_only(f4, 2), _read_only(f4, 1), _read_only(f4, 1), f4[:, ::1],
-    )],
+    [types.void(_read_only(f4, 2), _read_only(f4, 2), _read_only(f4, 1), f4, f4[:, ::1])],
     parallel=True,
     cache=True,
     nogil=True,
-)  # fmt: skip
-def blur(directions, inputs, light, table, outward, out):
-    """out (n, 3): for each direction the mean of ``light`` (m, 3) weighted by ``table`` of 1 − cos of the angle.
+)
+def blur(directions, cells, weight, reach, out):
+    """out (n, 3): for each direction the mean of cells weighted by a function of their angle that ends at ``reach``.
 
-    ``inputs`` (m, 4) are unit directions and solid angles, those that follow each other near each other; those behind
-    the plane of ``outward`` do not count, whose fourth number is how many places of the table 1 − cos of 1 is.
+    ``cells`` (m, 8) are a unit direction, 0, radiance · solid angle in three colours, and the solid angle; those that
+    follow each other near each other, as are directions (n, 3). ``weight`` is as ``frost_code`` takes it, wide if it
+    reaches beyond ``WIDE``.
     """
-    caps = np.empty(((len(inputs) + TOGETHER - 1) // TOGETHER, 4), np.float32)
-    most = np.float32(len(table) - 1) / outward[3]
-    _bound(inputs, caps, np.float32(np.arccos(max(np.float32(1) - most, np.float32(-1)))))
-    for part in prange((len(directions) + TOGETHER - 1) // TOGETHER):
-        for k in range(part * TOGETHER, min(len(directions), (part + 1) * TOGETHER)):
-            _blur_cell(directions[k], inputs, light, table, outward, caps, out[k])
+    caps = np.empty(((len(cells) + TOGETHER - 1) // TOGETHER, 4), np.float32)
+    for b in range(len(caps)):
+        _cap(cells, b * TOGETHER, min(len(cells), (b + 1) * TOGETHER), caps[b])
+    blocks = (len(directions) + LANES - 1) // LANES
+    for part in prange((blocks + _BLOCKS - 1) // _BLOCKS):
+        for block in range(part * _BLOCKS, min(blocks, (part + 1) * _BLOCKS)):
+            _blur_block(directions, block * LANES, cells, weight, caps, reach, out)

@@ -159,3 +159,28 @@ def gathered(near, weights, rows, out):
             if w != 0:
                 for m in range(rows.shape[1]):
                     into[m] += w * np.float32(rows[v, m])
+
+
+@njit(cache=True)
+def _weighted_some(starts, of_entry, weights, light, out, begin, end):
+    for k in range(begin, end):
+        red = green = blue = np.float32(0)
+        for e in range(starts[k], starts[k + 1]):
+            s = of_entry[e]
+            red += weights[e, 0] * light[s, 0]
+            green += weights[e, 1] * light[s, 1]
+            blue += weights[e, 2] * light[s, 2]
+        out[k, 0], out[k, 1], out[k, 2] = red, green, blue
+
+
+@njit(
+    [types.void(_read_only(i8, 1), _read_only(i4, 1), _points, _points, f4[:, ::1])],
+    parallel=True,
+    cache=True,
+    nogil=True,
+)
+def weighted(starts, of_entry, weights, light, out):
+    """out (m, 3) = Σ weights (entries, 3) · light (n, 3): of row k entries ``starts[k]`` up to the next start."""
+    for part in prange((len(out) + _VERTICES - 1) // _VERTICES):
+        begin, end = part * _VERTICES, min(len(out), (part + 1) * _VERTICES)
+        _weighted_some(starts, of_entry, weights, light, out, begin, end)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Radiance
+from .among_few import AmongFew
 from .first_bounce import FirstBounce
 from .stand_ins import Detail, StandIns
 
@@ -31,17 +32,22 @@ class SunBounces:
     most
         At most so many of them, then nothing is kept.
     places
-        Find them at these stand-ins alone.
+        Find them at these stand-ins alone: light that is new everywhere is read where it falls, by the operator's rows
+        of the stand-ins; what has bounced goes on among them.
     """
 
     def __init__(
         self, operator: FirstBounce, *, most: int | None = None, places: StandIns | None = None
     ) -> None:
         self._operator = operator if places is None else operator.chosen(places.rows)
+        self._among = None if places is None else AmongFew(self._operator, places)
         self.places, self._most = places, most
         self._light: Radiance | None = None  # that was asked about last
         self._kept: Radiance
-        self._left: Radiance
+        self._left: Radiance  # at all vertices, or at the stand-ins: what has bounced and will again
+        self._new: (
+            Radiance | None
+        )  # at all vertices, what has not bounced yet; None where that is in what is left
 
     def of(
         self, light: Radiance, *, at_once: int = _MOST, check: Callable[[], None] = lambda: None
@@ -50,25 +56,35 @@ class SunBounces:
 
         ``at_once``: no more bounces now; ``check`` is called before each, and may raise to give up.
         """
-        fallen, before = float(light.sum(dtype=np.float64)), self._light
+        fallen, before = _sum(light), self._light
         change = None if before is None or self._most is not None else light - before
-        if change is None or float(np.abs(change).sum(dtype=np.float64)) > _ANEW * fallen:
+        if change is None or _sum(np.abs(change)) > _ANEW * fallen:
             rows = len(light) if self.places is None else len(self.places)
-            self._kept, self._left = np.zeros((rows, 3), np.float32), light
-        else:
-            self._left = self._everywhere(self._left, len(light)) + change
+            self._kept, self._left = np.zeros((rows, 3), np.float32), np.zeros((rows, 3), np.float32)
+            self._new, change = None, light
+        self._new = change if self._new is None else self._new + change
         self._light = light
         for _ in range(min(at_once, self._most or _MOST)):
-            share = len(self._left) / len(light)
-            if float(np.abs(self._left).sum(dtype=np.float64)) <= LITTLE * share * fallen:
+            new = 0.0 if self._new is None else _sum(np.abs(self._new))
+            if new + _sum(np.abs(self._left)) * (len(light) / len(self._left)) <= LITTLE * fallen:
                 break
             check()
-            self._left = self._operator.bounce(self._everywhere(self._left, len(light)))
+            self._left = self._bounced(self._new, self._left)
+            self._new = None
             self._kept = self._kept + self._left
         return self._kept
 
-    def _everywhere(self, light: Radiance, vertices: int) -> Radiance:
-        return light if self.places is None or len(light) == vertices else self.places.spread(light)
+    def _bounced(self, new: Radiance | None, left: Radiance) -> Radiance:
+        if self._among is None:
+            return self._operator.bounce(left if new is None else left + new)
+        if new is None:
+            return self._among.bounce(left)
+        arrived = self._operator.bounce(new)
+        return arrived + self._among.bounce(left) if left.any() else arrived
+
+
+def _sum(light: Radiance) -> float:
+    return float(light.sum())  # pairwise, so single precision will do
 
 
 class BouncedSuns:
