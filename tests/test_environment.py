@@ -207,7 +207,7 @@ def test_sub_samples_cover_every_texel_evenly(layout: str, resolution: int) -> N
     turned_axes, highest = resampling._face_axes(30.0), (1.0, 1.0, 1.0)
     covered = np.zeros((6, resolution, resolution, 7))
     for face, (axes, sums) in enumerate(zip(resampling._face_axes(0.0), covered, strict=True)):
-        slab = scattering.Slab(face, 0, resolution, *axes, sums)
+        slab = scattering.Slab(face, 0, resolution, resolution, *axes, sums)
         if layout == "latlong":
             scattering.scatter_latlong(slab, pixels, np.radians(30.0), highest)
         elif layout == "angular":

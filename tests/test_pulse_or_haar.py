@@ -113,3 +113,19 @@ def test_chosen_rows_keep_what_they_are(rng) -> None:
 def test_resolutions_that_cannot_be_halved_are_refused(resolution) -> None:
     with pytest.raises(InputError, match="expected 4, 8, 16, 32 or 64"):
         check_resolution(resolution)
+
+
+def test_rows_laid_flat_are_lit_to_the_same_bits(rng) -> None:
+    """Short runs; both kinds of rows, one light and two."""
+    dense = windows(rng, 30, size=2) * (rng.random((30, CELLS)) < 0.7)
+    rows, _, _ = rows_of(np.concatenate([dense, np.ones((2, CELLS), np.float32)]))
+    assert set(rows.kind.tolist()) == {0, 1}
+    assert len(rows.lit_layer()) != len(rows.layer())
+    tables = [light_tables(rng.random((6, R, R, 3), dtype=np.float32)) for _ in range(2)]
+    for count in (1, 2):
+        found = []
+        for layer in (rows.layer(), rows.lit_layer()):
+            found.append([np.zeros((len(rows), 3), np.float32) for _ in range(count)])
+            lit(layer, list(zip(tables[:count], found[-1], strict=True)), 0, len(rows))
+        np.testing.assert_array_equal(found[0], found[1])
+        assert (found[0][0] > 0).all()

@@ -21,12 +21,16 @@ from .pulse_or_haar_kernels import (
     copy_rows,
     encode_rows,
     haar_transforms,
+    lay_flat,
+    light_flat_rows,
     light_rows,
     rows_times,
 )
 
 MOST_RESOLUTION = 64  # cells are numbered by 16 bits
 _SLOTS = 64 << 20  # bytes of rows that are made side by side
+_RUN_PARTS = 6  # of a layer of runs
+_FLAT_BYTES = 2  # as many times as the numbers of runs: what the cells of flat rows may take
 _CELLS_AT_ONCE = 256  # that rows are read back for
 
 
@@ -66,6 +70,14 @@ class RunRows:
         """As kernels take it."""
         arrays = (self.kind, self.scale, self.row_runs, self.row_bytes, self.runs, self.data)
         return tuple(_frozen(a) for a in arrays)
+
+    def lit_layer(self) -> tuple:
+        """As ``lit`` takes it: short runs are laid flat, where that takes no more memory than their numbers do."""
+        if 2 * len(self.data) > _FLAT_BYTES * RUN_BYTES * len(self.runs):
+            return self.layer()
+        cells = np.empty(len(self.data), np.uint16)
+        lay_flat(_frozen(self.runs), cells)
+        return flat_layer(self.scale, self.row_bytes, cells, self.data, kind=self.kind)
 
     def chosen(self, rows: np.ndarray) -> RunRows:
         """Some rows, in that order."""
@@ -203,14 +215,30 @@ def light_tables(
     return wide
 
 
+def flat_layer(
+    scale: np.ndarray,
+    starts: np.ndarray,
+    cells: np.ndarray,
+    data: np.ndarray,
+    *,
+    kind: np.ndarray | None = None,
+) -> tuple:
+    """Rows as ``lit`` takes them: of each its factor (n,) and where it begins (n + 1,); of each byte its cell. All are
+    pulses, if no kind (n,) is given."""
+    kind = np.zeros(len(scale), np.uint8) if kind is None else kind
+    arrays = kind, scale.astype(np.float32), starts.astype(np.int64), cells.astype(np.uint16), data
+    return tuple(map(_frozen, arrays))
+
+
 def lit(rows_layer: tuple, lights: Sequence[tuple[np.ndarray, np.ndarray]], begin: int, end: int) -> None:
     """Of one light or two, each ``light_tables`` and what of it is written, (rows, 3), rows begin … end.
 
-    ``rows_layer`` is ``RunRows.layer()``.
+    ``rows_layer`` is ``RunRows.lit_layer()``; the sums are the same however the rows lie.
     """
     tables = np.concatenate([table for table, _ in lights], axis=2) if len(lights) > 1 else lights[0][0]
     more = lights[1][1] if len(lights) > 1 else np.empty((0, 3), np.float32)
-    light_rows(rows_layer, _frozen(tables), lights[0][1], more, begin, end)
+    kernel = light_rows if len(rows_layer) == _RUN_PARTS else light_flat_rows
+    kernel(rows_layer, _frozen(tables), lights[0][1], more, begin, end)
 
 
 def size_of(rows: RunRows) -> int:

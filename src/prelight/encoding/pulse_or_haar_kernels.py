@@ -228,6 +228,60 @@ def light_rows(layer, tables, out, more, begin, end):
         _some_rows(layer, tables, out, more, first, min(end, first + _ROWS))
 
 
+@njit([types.void(_read_only(u2, 2), u2[::1])], cache=True, nogil=True)
+def lay_flat(runs, cells):
+    """``cells`` (bytes,): which cell or coefficient each byte of runs (r, 2) is of."""
+    at = 0
+    for k in range(len(runs)):
+        for j in range(np.int64(runs[k, 1])):
+            cells[at] = np.int64(runs[k, 0]) + j
+            at += 1
+
+
+@njit(cache=True)
+def _some_flat_rows(layer, tables, out, more, begin, end):
+    kind, scale, row_bytes, cells, data = layer
+    for r in range(begin, end):
+        table, signed = tables[kind[r]], kind[r] == HAAR
+        a = b = c = d = e = f = g = h = np.float32(0)  # eight, so that they are summed as two vectors
+        for n in range(row_bytes[r], row_bytes[r + 1]):
+            value, light = np.float32(data[n]), table[cells[n]]
+            if signed:
+                byte = np.float32(np.int8(data[n]))
+                value = byte * abs(byte)
+            a, b, c, d = (
+                a + value * light[0],
+                b + value * light[1],
+                c + value * light[2],
+                d + value * light[3],
+            )
+            if len(more):
+                e, f, g, h = (
+                    e + value * light[4],
+                    f + value * light[5],
+                    g + value * light[6],
+                    h + value * light[7],
+                )
+        out[r, 0], out[r, 1], out[r, 2] = scale[r] * a, scale[r] * b, scale[r] * c
+        if len(more):
+            more[r, 0], more[r, 1], more[r, 2] = scale[r] * e, scale[r] * f, scale[r] * g
+
+
+_FLAT = types.Tuple(
+    (_read_only(u1, 1), _read_only(f4, 1), _read_only(i8, 1), _read_only(u2, 1), _read_only(u1, 1))
+)
+
+
+@njit(
+    [types.void(_FLAT, _read_only(f4, 3), f4[:, ::1], f4[:, ::1], i8, i8)], parallel=True, cache=True, nogil=True
+)  # fmt: skip
+def light_flat_rows(layer, tables, out, more, begin, end):
+    """``light_rows`` of rows laid flat: kind, scale, first byte of each row (and one beyond), cells, bytes."""
+    for part in prange((end - begin + _ROWS - 1) // _ROWS):
+        first = begin + part * _ROWS
+        _some_flat_rows(layer, tables, out, more, first, min(end, first + _ROWS))
+
+
 @njit(cache=True)
 def _columns_of_rows(layer, tables, out, begin, end):
     kind, scale, row_runs, row_bytes, runs, data = layer

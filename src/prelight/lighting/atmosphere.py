@@ -32,6 +32,7 @@ _HAZE_SCATTERS, _FORWARD = 0.92, 0.8  # share of extinction; mean cosine of what
 _EYE = GROUND + 0.002
 _HORIZON_REACH = float(np.sqrt(TOP**2 - GROUND**2))
 _SIGHT_STEPS, _MANY_STEPS, _SUN_STEPS = 40, 16, 40
+_SIGHT_ENDS = np.linspace(0.0, 1.0, _SIGHT_STEPS + 1) ** 2  # as ``_steps``
 
 
 @dataclass(frozen=True)
@@ -159,32 +160,23 @@ class Atmosphere:
         lit = np.maximum(sine, 0.0)[..., None] * self.transmittance(at, sine) * np.array(self.ground) / np.pi
         return once + np.where(hits[..., None], lit * through, 0.0), share
 
-    def seen(self, elevation: Values, cosine: Values, *, sun_elevation: float) -> Scattered:
-        """From sea level toward directions above the horizon: their elevation (n,), and the cosine to the sun (n,)."""
-        up = np.sin(np.maximum(elevation, 0.0))
-        radius = np.full_like(up, _EYE)
-        sun = np.full_like(up, np.sin(sun_elevation)), cosine
-        length = _to_sphere(radius, up, TOP)
-        air, haze, often = (np.zeros((*up.shape, 3)) for _ in range(3))
-        through: Colours = np.ones((*up.shape, 3))
-        for near, far in _steps(_SIGHT_STEPS):
-            t, dt = 0.5 * (near + far) * length, (far - near) * length
-            at, sine = _along(radius, up, sun, t)
-            by_air, by_haze, extinction = self.coefficients(at)
-            passed = np.exp(-extinction * dt[..., None])
-            part = (1.0 - passed) / np.maximum(extinction, 1e-12) * through
-            lit = part * self.transmittance(at, sine)
-            air += by_air * lit
-            haze += by_haze * lit
-            often += (by_air + by_haze) * part * self._found_often(at - GROUND, sine)
-            through = through * passed
-        return Scattered(air, haze, often)
+    def seen(
+        self,
+        elevations: Float64[np.ndarray, "e"],
+        cosines: Float64[np.ndarray, "e a"],
+        *,
+        sun_elevation: float,
+    ) -> Scattered:
+        """From sea level, (e, a, 3): by the elevation of lines of sight above the horizon, and their cosine to the
+        sun."""
+        from .atmosphere_kernels import scattered
 
-    def _found_often(self, height: Values, sine: Values) -> Colours:
-        heights, sines, table = self._often
-        rows = np.interp(height, heights, np.arange(len(heights)))
-        columns = np.interp(sine, sines, np.arange(len(sines)))
-        return _bilinear(table, rows, columns)
+        air = np.stack([_RAYLEIGH, _HAZE_SCATTERS * self.haze, self.haze, _OZONE])
+        place = np.array([GROUND, TOP, _EYE, _RAYLEIGH_HEIGHT, _HAZE_HEIGHT, np.sin(sun_elevation)])
+        out = np.empty((3, *cosines.shape, 3))
+        given = (np.sin(np.maximum(elevations, 0.0)), cosines.ravel(), _SIGHT_ENDS, air, self._sun)
+        scattered(*map(_frozen, given), tuple(map(_frozen, self._often)), _frozen(place), out)
+        return Scattered(*out)
 
 
 @lru_cache(maxsize=4)
@@ -231,3 +223,9 @@ def _bilinear(table: Colours, rows: Values, columns: Values) -> Colours:
     s, t = (rows - i)[..., None], (columns - j)[..., None]
     above = table[i, j] * (1.0 - t) + table[i, j + 1] * t
     return above * (1.0 - s) + (table[i + 1, j] * (1.0 - t) + table[i + 1, j + 1] * t) * s
+
+
+def _frozen(a: np.ndarray) -> np.ndarray:
+    view = np.ascontiguousarray(a).view()
+    view.flags.writeable = False
+    return view

@@ -174,18 +174,15 @@ class Daylight:
         elevation = 0.5 * np.pi * np.linspace(0.0, 1.0, _ELEVATIONS) ** 2
         azimuth = np.linspace(0.0, np.pi, _AZIMUTHS)
         sun = math.radians(self.position.elevation_deg)
-        e, a = (grid.ravel() for grid in np.meshgrid(elevation, azimuth, indexing="ij"))
-        cosine = np.sin(e) * math.sin(sun) + np.cos(e) * np.cos(a) * math.cos(sun)
-        seen = self._air.seen(e, np.clip(cosine, -1.0, 1.0), sun_elevation=sun)
+        cosine = np.cos(elevation)[:, None] * np.cos(azimuth) * math.cos(sun)
+        cosine += np.sin(elevation)[:, None] * math.sin(sun)
+        seen = self._air.seen(elevation, np.clip(cosine, -1.0, 1.0), sun_elevation=sun)
         rows = _weights(elevation, 0.5 * np.pi * (1.0 - (np.arange(half) + 0.5) / half))
         off = 2.0 * np.pi * ((np.arange(width) + 0.5) / width - 0.5) - math.radians(self.azimuth_deg)
         columns = _weights(azimuth, np.abs(np.remainder(off + np.pi, 2.0 * np.pi) - np.pi))
-        shape = (_ELEVATIONS, _AZIMUTHS, 3)
-        parts = [
-            np.einsum("ab,bcd->acd", rows, part.reshape(shape)) for part in (seen.air, seen.haze, seen.often)
-        ]
-        air, haze, often = (np.einsum("ec,acd->aed", columns, part) for part in parts)
-        return Scattered(air, haze, often)
+        parts = np.concatenate([seen.air, seen.haze, seen.often], axis=2)
+        whole = columns @ np.tensordot(rows, parts, axes=1)
+        return Scattered(*np.split(whole, 3, axis=2))
 
 
 def _weights(nodes: Float64[np.ndarray, "m"], places: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n m"]:

@@ -62,18 +62,27 @@ def _scattered(
 ) -> tuple[CubeMap, Float64[np.ndarray, "3"]]:
     """The cube map by scattering, and its ∫ L dω."""
     from .overlapping import finish
+    from .remembered_places import latlong_places, split
     from .scattering import Slab, scatter_angular, scatter_face, scatter_latlong
 
     out = np.empty((6, resolution, resolution, 3), np.float32)
     rows = min(resolution, max(1, _SLAB_TEXELS // resolution))
     highest = tuple((total * (_HIGHEST_FLOOR / (4.0 * pi))).tolist())
     axes, turned_axes = _face_axes(0.0), _face_axes(degrees)
+    places = None
+    if layout == "latlong":
+        places = latlong_places(*pixels.shape[:2], resolution, degrees)
+    if places is not None and places.are_there(tuple(axes)):
+        light = split(pixels, highest)
+        given = (places.sums(face, light) for face in range(6))  # sooner done than threads are begun
+        found = [finish(part, sums, 0, resolution) for part, sums in zip(out, given, strict=True)]
+        return out, np.sum(found, axis=0)
 
     def fill(face: int, first: int) -> Float64[np.ndarray, "3"]:
         part = out[face, first : first + rows]
         sums = np.zeros((*part.shape[:2], 7))
         u_axis, v_axis, axis = axes[face]
-        slab = Slab(face, first, resolution, u_axis, v_axis, axis, sums)
+        slab = Slab(face, first, len(part), resolution, u_axis, v_axis, axis, sums)
         if layout == "latlong":
             scatter_latlong(slab, pixels, radians(degrees), highest)
         elif layout == "angular":
@@ -159,3 +168,13 @@ def resampled(
         raise PrelightError(f"resampling lost light: a fault of ours; please report it ({got} of {total})")
     out *= off.astype(np.float32)
     return out if repeat == 1 else _overlapped(out, resolution)
+
+
+def remember_turns(height: int, width: int, resolution: int) -> None:
+    """Find now where the pixels of latitude-longitude maps of a size fall that are turned by ``turned_columns``."""
+    from .remembered_places import latlong_places, rests
+
+    axes = tuple(_face_axes(0.0))
+    for degrees in rests(width):
+        if (places := latlong_places(height, width, resolution, degrees)) is not None:
+            places.are_there(axes, at_once=True)

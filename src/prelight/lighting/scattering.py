@@ -12,6 +12,9 @@ exactly (to about 1 %). The second only moves light about: a sun keeps its energ
 
 All sums are float64 and in an order that does not depend on threads: a slab of rows of one face is one
 job, done by one thread.
+
+Where a pixel falls depends on the map's size and turn alone: ``Places`` in place of sums note it, and light is given
+to them later (``give``), to the same bits.
 """
 
 from __future__ import annotations
@@ -20,9 +23,10 @@ from math import ceil, cos, floor, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
-from ..arrays import Float64, Picture
+from ..arrays import Float64, Int32, Int64, Picture
 
 SAMPLES_PER_TEXEL_SIDE = 2.0
 COARSEST_STEP = 1.0 / 64.0  # radians; however large a texel is, a sub-sample is smaller than this
@@ -34,16 +38,26 @@ Offsets = tuple[Float64[np.ndarray, "pieces piece"], Float64[np.ndarray, "pieces
 Vector = tuple[float, float, float]
 
 
+class Places(NamedTuple):
+    """Which shares of which pixels fall where, one after another; ``count`` may be more than there is room for."""
+
+    texels: Int32[np.ndarray, "n"]
+    pixels: Int32[np.ndarray, "n"]
+    shares: Float64[np.ndarray, "n"]  # steradians
+    count: Int64[np.ndarray, "1"]
+
+
 class Slab(NamedTuple):
     """Rows of one face and what has fallen into them."""
 
     face: int
     first_row: int
+    rows: int
     resolution: int
     u_axis: Vector  # U, V, AXIS of ``bases.cube_map``; tuples, since an array
     v_axis: Vector  # is counted up and down at every call, 20 times the cost
     axis: Vector
-    sums: Float64[np.ndarray, "row column 7"]  # Σ floor·dω (3), Σ peak·dω (3), Σ dω
+    sums: Float64[np.ndarray, "row column 7"] | Places  # Σ floor·dω (3), Σ peak·dω (3), Σ dω
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -57,10 +71,10 @@ def _misses(slab: Slab, d: Vector, radius: float) -> bool:
     along, u, v = _dot(slab.axis, d), _dot(slab.u_axis, d), _dot(slab.v_axis, d)
     if along + radius <= 0.0 or along + radius < max(abs(u), abs(v)) - radius:
         return True
-    if slab.sums.shape[0] == slab.resolution or along < 0.5 or radius > 0.1:
+    if slab.rows == slab.resolution or along < 0.5 or radius > 0.1:
         return False
     middle, margin = 0.5 * (v / along + 1.0) * slab.resolution, 3.0 * radius * slab.resolution + 2.0
-    return middle + margin < slab.first_row or middle - margin > slab.first_row + slab.sums.shape[0]
+    return middle + margin < slab.first_row or middle - margin > slab.first_row + slab.rows
 
 
 @njit(cache=True, nogil=True)
@@ -91,8 +105,41 @@ def _on_all_faces(d: Vector, e: Vector, f: Vector) -> float:
     return parts
 
 
+def _add(slab: Slab, row: int, column: int, share: float, light: object) -> None:
+    """Give a texel its share of light; or note it, where light is the number of a pixel."""
+    raise NotImplementedError
+
+
+@overload(_add, inline="always")
+def _add_compiled(slab, row, column, share, light):
+    if isinstance(light, types.Integer):
+
+        def note(slab, row, column, share, light):
+            places = slab.sums
+            n = places.count[0]
+            if n < len(places.shares):
+                places.texels[n] = (row - slab.first_row) * slab.resolution + column
+                places.pixels[n] = light
+                places.shares[n] = share
+            places.count[0] = n + 1
+
+        return note
+
+    def add(slab, row, column, share, light):
+        texel = slab.sums[row - slab.first_row, column]
+        texel[0] += light[0] * share
+        texel[1] += light[1] * share
+        texel[2] += light[2] * share
+        texel[3] += light[3] * share
+        texel[4] += light[4] * share
+        texel[5] += light[5] * share
+        texel[6] += share
+
+    return add
+
+
 @njit(cache=True, nogil=True, inline="always")
-def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: tuple) -> None:
+def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: object) -> None:
     """Share dω = ``weight`` steradians of ``light`` among the texels under a patch of the sphere.
 
     The patch has its middle at the unit vector ``d`` and the sides ``e`` and ``f``, which touch the sphere
@@ -118,26 +165,18 @@ def _spread(slab: Slab, d: Vector, e: Vector, f: Vector, weight: float, light: t
         density /= _on_all_faces(d, e, f)
     u0, u1 = half * (1.0 + max(u0, -1.0)), half * (1.0 + min(u1, 1.0))
     v0, v1 = half * (1.0 + max(v0, -1.0)), half * (1.0 + min(v1, 1.0))
-    sums = slab.sums
     first, last = int(u0), min(int(u1), slab.resolution - 1)
     top = max(int(v0), slab.first_row)
-    bottom = min(int(v1), slab.first_row + sums.shape[0] - 1)
+    bottom = min(int(v1), slab.first_row + slab.rows - 1)
     for row in range(top, bottom + 1):
         high = (min(v1, row + 1.0) - max(v0, float(row))) * density
         for column in range(first, last + 1):
             share = (min(u1, column + 1.0) - max(u0, float(column))) * high
-            texel = sums[row - slab.first_row, column]
-            texel[0] += light[0] * share
-            texel[1] += light[1] * share
-            texel[2] += light[2] * share
-            texel[3] += light[3] * share
-            texel[4] += light[4] * share
-            texel[5] += light[5] * share
-            texel[6] += share
+            _add(slab, row, column, share, light)
 
 
 @njit(cache=True, nogil=True)
-def _split(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Vector) -> tuple:
+def split(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Vector) -> tuple:
     """Floor and peak of a pixel, given the rows and columns of its neighbourhood and the highest floor."""
     r, g, b = pixels[own[0], own[1], 0], pixels[own[0], own[1], 1], pixels[own[0], own[1], 2]
     floor_r, floor_g, floor_b = min(r, highest[0]), min(g, highest[1]), min(b, highest[2])
@@ -147,6 +186,18 @@ def _split(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Ve
             floor_g = min(floor_g, pixels[row, column, 1])
             floor_b = min(floor_b, pixels[row, column, 2])
     return floor_r, floor_g, floor_b, r - floor_r, g - floor_g, b - floor_b
+
+
+def _light_of(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Vector | None) -> object:
+    """``split`` of a pixel; its number, where there is no highest floor."""
+    raise NotImplementedError
+
+
+@overload(_light_of)
+def _light_of_compiled(pixels, own, rows, columns, highest):
+    if isinstance(highest, types.NoneType):
+        return lambda pixels, own, rows, columns, highest: own[0] * pixels.shape[1] + own[1]
+    return lambda pixels, own, rows, columns, highest: split(pixels, own, rows, columns, highest)  # noqa: PLW0108
 
 
 @njit(cache=True, nogil=True)
@@ -187,8 +238,8 @@ def _scatter_pixel(slab: Slab, place: tuple, size: tuple, pieces: tuple, tables:
 
 
 @njit(cache=True, nogil=True)
-def scatter_latlong(slab: Slab, pixels: Picture, turn: float, highest: Vector) -> None:
-    """Scatter a latitude-longitude map turned by ``turn`` radians about +Y."""
+def scatter_latlong(slab: Slab, pixels: Picture, turn: float, highest: Vector | None) -> None:
+    """Scatter a latitude-longitude map turned by ``turn`` radians about +Y; without ``highest`` note ``Places``."""
     height, width = pixels.shape[:2]
     tall, wide = np.pi / height, 2.0 * np.pi / width
     azimuths = -np.pi - turn + wide * (np.arange(width) + 0.5)
@@ -221,7 +272,7 @@ def scatter_latlong(slab: Slab, pixels: Picture, turn: float, highest: Vector) -
                         _pieces(slab.resolution, middle, tall),
                     )
                     columns = ((column - 1) % width, column, (column + 1) % width)
-                    light = _split(pixels, (row, column), rows, columns, highest)
+                    light = _light_of(pixels, (row, column), rows, columns, highest)
                     place = (sines[column], cosines[column], ring_here, y)
                     _scatter_pixel(slab, place, (wide, tall), pieces, tables, light)
 
@@ -327,7 +378,7 @@ def scatter_face(slab: Slab, pixels: Picture, frame: tuple[Vector, Vector, Vecto
                 continue
             pieces = _pieces(slab.resolution, middle, width * min(1.0, scale + 0.5 * width))
             columns = (max(column - 1, 0), column, min(column + 1, side - 1))
-            light = _split(pixels, (row, column), rows, columns, highest)
+            light = split(pixels, (row, column), rows, columns, highest)
             step = width / pieces
             for j in range(pieces):
                 v = row * width - 1.0 + (j + 0.5) * step

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from ..arrays import Directions, Float64, Int32, Normals, Positions, Triangles, UInt8
@@ -53,6 +55,11 @@ class PlainOccluders:
             np.ascontiguousarray(corners[order].reshape(-1, 9)),
         )
 
+    @cached_property
+    def offset(self) -> float:
+        """``ray_offset`` of the scene."""
+        return ray_offset(self.positions)
+
     @property
     def nbytes(self) -> int:
         """Memory of the tree."""
@@ -95,7 +102,7 @@ class PlainVisibility:
     def __init__(self, occluders: PlainOccluders, *, origins: Positions, normals: Normals) -> None:
         self._occluders = occluders
         self.receivers = len(origins)
-        lifted = origins + np.float32(ray_offset(occluders.positions)) * normals
+        lifted = origins + np.float32(occluders.offset) * normals
         self._origins = np.ascontiguousarray(occluders.local(lifted.astype(np.float64)), np.float32)
         self._normals = np.ascontiguousarray(normals, np.float32)
         codes = np.empty(self.receivers, np.uint32)

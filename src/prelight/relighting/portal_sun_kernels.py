@@ -13,7 +13,6 @@ from numba import njit, prange, types
 _TASK = 4096  # receivers
 
 _f8_2 = types.Array(types.float64, 2, "C", readonly=True)
-_f8_3 = types.Array(types.float64, 3, "C", readonly=True)
 _f4_2 = types.Array(types.float32, 2, "C", readonly=True)
 _i4_1 = types.Array(types.int32, 1, "C", readonly=True)
 _i8_1 = types.Array(types.int64, 1, "C", readonly=True)
@@ -66,11 +65,14 @@ def _side(ax, ay, bx, by, x, y):
 
 
 @njit(cache=True)
-def _depth_within(c, x, y):
-    """The triangle's depth at (x, y); −∞ outside it. What lies on an edge is inside of both its triangles."""
-    u = _side(c[3], c[4], c[6], c[7], x, y)
-    v = _side(c[6], c[7], c[0], c[1], x, y)
-    w = _side(c[0], c[1], c[3], c[4], x, y)
+def _depth_within(c, shear, x, y):
+    """The sheared triangle's depth at (x, y); −∞ outside it. What lies on an edge is inside of both its triangles."""
+    ax, ay = c[0] - shear[0] * c[2], c[1] - shear[1] * c[2]
+    bx, by = c[3] - shear[0] * c[5], c[4] - shear[1] * c[5]
+    cx, cy = c[6] - shear[0] * c[8], c[7] - shear[1] * c[8]
+    u = _side(bx, by, cx, cy, x, y)
+    v = _side(cx, cy, ax, ay, x, y)
+    w = _side(ax, ay, bx, by, x, y)
     inside = (u >= 0 and v >= 0 and w >= 0) or (u <= 0 and v <= 0 and w <= 0)
     whole = u + v + w
     if not inside or whole == 0:
@@ -102,7 +104,7 @@ def _look_some(origins, normals, axes, shears, corners, pane_of, grid, frame, fo
             cell = _cell(y, frame[1], frame[3], cells) * cells + _cell(x, frame[0], frame[2], cells)
             best = z
             for j in range(starts[cell], starts[cell + 1]):
-                depth = _depth_within(corners[k, listed[j]], x, y)
+                depth = _depth_within(corners[listed[j]], shears[k], x, y)
                 if depth > best:
                     best, found[i, k] = depth, pane_of[listed[j]]
 
@@ -112,7 +114,7 @@ _GRID = types.Tuple((_i8_1, _i4_1, types.int64))
 
 @njit(
     types.void(
-        _f4_2, _f4_2, _f8_2, _f8_2, _f8_3, _i4_1, _GRID, types.float64[::1], types.int32[:, ::1]
+        _f4_2, _f4_2, _f8_2, _f8_2, _f8_2, _i4_1, _GRID, types.float64[::1], types.int32[:, ::1]
     ),
     parallel=True,
     cache=True,
@@ -122,7 +124,7 @@ def look_through(origins, normals, axes, shears, corners, pane_of, grid, frame, 
     """``found`` (n, k): the pane through which each of ``origins`` (n, 3) looks along each of k rays, or −1.
 
     −1 also where ``normals`` turn away. ``axes`` (3, 3): two across the rays' middle, and that. Along ray k
-    (x, y) − ``shears[k]`` · z stays the same; ``corners`` (k, T, 9): the triangles in (x, y, z) so sheared. ``grid``
+    (x, y) − ``shears[k]`` · z stays the same; ``corners`` (T, 9): the triangles in (x, y, z). ``grid``
     for all rays: starts (cells² + 1), places in ``listed``, that, and the cells of a side; ``frame`` (6,) as in
     ``list_cells``, the high x and y behind.
     """

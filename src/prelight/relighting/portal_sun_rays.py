@@ -46,6 +46,7 @@ class SunRays:
         self._corners, self._pane_of = corners.astype(np.float64), pane_of
         self._positions, self._triangles = positions, triangles
         self._offset = np.float32(ray_offset(positions))
+        self._lifted: tuple[Positions, Normals, Positions] | None = None  # points, normals, where rays begin
         self.panes = int(pane_of.max(initial=-1)) + 1
 
     def seen(
@@ -100,9 +101,16 @@ class SunRays:
         axes = axes_around(towards.mean(axis=0))
         along = towards @ axes.T
         shears = along[:, :2] / along[:, 2:]
-        flat = np.repeat((self._corners @ axes.T)[None], len(towards), axis=0)
-        flat[..., :2] -= shears[:, None, None] * flat[..., 2:]
-        boxes = np.concatenate([flat[..., :2].min(axis=(0, 2)), flat[..., :2].max(axis=(0, 2))], axis=1)
+        flat = self._corners @ axes.T
+        ends = [flat[..., :2] - shear * flat[..., 2:] for shear in (shears.min(axis=0), shears.max(axis=0))]
+        least, most = np.minimum(*ends), np.maximum(*ends)
+        boxes = np.concatenate(
+            [
+                np.minimum(np.minimum(least[:, 0], least[:, 1]), least[:, 2]),
+                np.maximum(np.maximum(most[:, 0], most[:, 1]), most[:, 2]),
+            ],
+            axis=1,
+        )
         low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
         cells = int(np.clip(2 * np.sqrt(len(boxes)), 1, _MOST_CELLS))
         frame = np.concatenate([low, cells / np.maximum(high - low, 1e-9), high])
@@ -111,10 +119,13 @@ class SunRays:
         listed = np.zeros(int(starts[-1]), np.int32)
         list_cells(_frozen(boxes), frame, cells, starts, listed)
         found = np.empty((len(normals), len(towards)), np.int32)
-        lifted = np.ascontiguousarray(origins + self._offset * normals, np.float32)
+        known = self._lifted
+        if known is None or known[0] is not origins or known[1] is not normals:
+            lifted = np.ascontiguousarray(origins + self._offset * normals, np.float32)
+            self._lifted = known = origins, normals, lifted
         look_through(
-            _frozen(lifted), _frozen(np.ascontiguousarray(normals, np.float32)), _frozen(axes), _frozen(shears),
-            _frozen(flat.reshape(len(towards), -1, 9)), _frozen(self._pane_of),
+            _frozen(known[2]), _frozen(np.ascontiguousarray(normals, np.float32)), _frozen(axes), _frozen(shears),
+            _frozen(flat.reshape(-1, 9)), _frozen(self._pane_of),
             (_frozen(starts), _frozen(listed), cells), frame, found,
         )  # fmt: skip
         return found

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .portal_sun_caustics import PortalSunCaustics
 
 POINTS, MOST_POINTS = 32, 128  # over a disc: up to a degree, and of a larger one
-_SELDOM = 8  # of these points, while a hand drags
+_SELDOM = 4  # one of so many of these points, while a hand drags
 _WIDE_DEG = 1.0
 _KEPT = 16  # units that are remembered, up to three of a sun
 

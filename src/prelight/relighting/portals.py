@@ -60,7 +60,7 @@ class PortalsRelighter:
     def __init__(self, bake: Bake, name: str | None = None) -> None:
         self.layer: PortalsLayer = read_portals(bake, name)
         self.name = self.layer.name
-        self.vertices = len(bake.receivers)
+        self.vertices, self.quick_side = len(bake.receivers), self.layer.cube
         self._positions = bake.receivers.positions
         self._normals = bake.receivers.normals
         gloss = read_exitant(bake, f"layers/{self.name}/glossy")
@@ -83,7 +83,7 @@ class PortalsRelighter:
         self._bounces = None if first is None else BouncedSuns(first, most=most)
         self.is_coarse = self._is_behind = False  # and whether an answer was given up
         self._roughly = self._is_captured_roughly = False  # for a hand that drags
-        self._rows = self.layer.rows.layer()
+        self._rows = self.layer.rows.lit_layer()
         self._panes_added = PaneSums(self.layer, self.vertices)
         self._lit, self._bounce, self._scale = Pace(lit), Pace(bounce), Pace(write_scaled)
         self._view_of_portal: list[_View | None] = [None] * len(self.layer.names)

@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Float32, Int32, Normals, Positions, Radiance
+from ..arrays import Float32, Int32, Positions, Radiance
 from ..bases.cube_map import solid_angles, texel_directions
+from ..encoding.pulse_or_haar import flat_layer, lit
 from ..lighting.environment import Environment
 from ..storage.bake import Bake
 from .form_factor_kernels import of_sky
@@ -18,8 +19,10 @@ from .strong_lights import MOST, NO_LIGHTS, StrongLights, strong_discs, stronges
 
 CELLS = 20  # along each face's side: 4.5°
 _BYTES_AT_ONCE = 1024  # of bits that are turned over
+_VERTICES_AT_ONCE, _BYTE = 1024, 255  # whose rows are made together; a cosine of 1
 _FINE = 12 * CELLS  # texels along a face's side, in which suns are looked for
 _ROUGH, _FEW_STRONG = 3, 4  # texels of a cell, and suns, while a hand drags
+QUICK_SIDE = _ROUGH * CELLS  # texels along a face's side, then
 
 
 class SkyDirect:
@@ -27,7 +30,7 @@ class SkyDirect:
 
     def __init__(self, bake: Bake, origins: Positions, placed: PlacedDirect) -> None:
         self._bake, self._origins, self._placed = bake, origins, placed
-        self._some: tuple[np.ndarray, np.ndarray, Normals] | None = None  # vertices, their bits and normals
+        self._some: tuple[np.ndarray, tuple] | None = None  # vertices, and what they see of the sky as rows
 
     def of(self, environment: Environment, *, check: Callable[[], None] = lambda: None) -> Radiance:
         """(V, 3); exactly zero in the dark. ``check`` is called now and then, and may raise to give up."""
@@ -47,15 +50,33 @@ class SkyDirect:
         out = np.zeros((len(rows), 3), np.float32)
         if not max(environment.total) > 0:
             return out
-        strong, rest = divided(environment, fine=_ROUGH * CELLS, most=_FEW_STRONG)
+        strong, rest = divided(environment, fine=QUICK_SIDE, most=_FEW_STRONG)
         if rest.any():
             if self._some is None or self._some[0] is not rows:
-                self._some = rows, self._bits[rows], self._bake.receivers.normals[rows]
-            _, bits, normals = self._some
-            of_sky(bits, self._directions, _energies(rest), normals, out)
+                self._some = rows, self._rows_of(rows)
+            table = np.zeros((2, 6 * CELLS**2, 4), np.float32)
+            table[0, :, :3] = _energies(rest)
+            lit(self._some[1], [(table, out)], 0, len(rows))
         for direction, energy in zip(strong.directions, strong.energy, strict=True):
             out += self._placed.of_direction(direction, rows)[:, None] * energy.astype(np.float32)
         return out
+
+    def _rows_of(self, rows: Int32[np.ndarray, "n"]) -> tuple:
+        """Cosines / π of the cells that some vertices see, in bytes, as ``lit`` takes them."""
+        cells, cosines, counts = [], [], [np.zeros(1, np.int64)]
+        for first in range(0, len(rows), _VERTICES_AT_ONCE):
+            some = rows[first : first + _VERTICES_AT_ONCE]
+            seen = np.unpackbits(self._bits[some], axis=1, count=6 * CELLS**2, bitorder="little")
+            cosine = self._bake.receivers.normals[some] @ self._directions.T * seen
+            shares = np.rint(np.maximum(cosine, 0) * _BYTE).astype(np.uint8)
+            vertex, cell = np.nonzero(shares)
+            cells.append(cell.astype(np.uint16))
+            cosines.append(shares[vertex, cell])
+            counts.append(np.bincount(vertex, minlength=len(some)))
+        n, starts = len(rows), np.cumsum(np.concatenate(counts))
+        return flat_layer(
+            np.full(n, 1 / (_BYTE * np.pi)), starts, np.concatenate(cells), np.concatenate(cosines)
+        )
 
     @cached_property
     def _directions(self) -> np.ndarray:

@@ -28,7 +28,7 @@ from .pixel_light import PointLit
 from .placed_caustics import PlacedCaustics
 from .placed_direct import SHADOW_RAYS, PlacedDirect, white
 from .placed_gloss import PlacedGloss
-from .sky_direct import SkyDirect
+from .sky_direct import QUICK_SIDE, SkyDirect
 from .stand_ins import Detail, StandIns
 from .stored_transfer import open_transfer
 
@@ -71,6 +71,8 @@ class TransferRelighter:
     MissingExtraError
         The renderer is not installed, which traces the shadows.
     """
+
+    quick_side = QUICK_SIDE  # of a sky's cube map, while a hand drags
 
     def __init__(
         self, bake: Bake | str | Path, name: str | None = None, *, shadow_rays: int = SHADOW_RAYS

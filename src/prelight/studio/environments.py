@@ -11,14 +11,12 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import timedelta
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
-from ..arrays import Directions, Float32, Radiance, UInt32
+from ..arrays import Directions, Float32, Picture, Radiance, UInt32
 from ..bases import cube_map
 from ..errors import InputError
 from ..files import Resolver
@@ -40,7 +38,7 @@ _MOST_MAPS = 200
 _KEPT_BYTES = 1_000_000_000  # of opened maps
 _SKY = (256, 512)  # rows and columns of what is shown behind the scene
 _PREVIEW = (128, 256)
-_SMALL_CUBE = 48  # R of the map that is turned while it is dragged
+_MOST_ROWS = 256  # of the map that is turned while it is dragged
 _METERED_CUBE = 32
 _ROUGH_SKY = 48  # rows of the sky of an hour while it is dragged
 
@@ -254,30 +252,43 @@ def _averaged(environment: Environment, rows: int, columns: int) -> Float32[np.n
 
 
 def small(environment: Environment) -> Environment:
-    """A coarse map with the same light, quick to turn; discs that belong to it stay discs."""
-    if environment.layout == "latlong" and len(environment.pixels) <= _ROUGH_SKY and not environment.parts:
-        return environment
-    if environment.layout == "cube" and environment.pixels.shape[1] <= _SMALL_CUBE and not environment.parts:
-        return environment
-    return replace(
-        Environment.from_cube(environment.with_discs(()).cube(_SMALL_CUBE)), discs=environment.discs
+    """A latitude-longitude map of at most 256 rows with the same light, quick to turn; discs stay discs."""
+    if environment.layout == "latlong" and not (environment.parts or environment.paints):
+        height, width = environment.pixels.shape[:2]
+        least = -(-height // _MOST_ROWS)
+        for size in range(least, 2 * least):
+            if height % size == 0 and width % size == 0:
+                pixels = environment.pixels
+                if size > 1:
+                    pixels = pixels.reshape(height // size, size, width // size, size, 3).mean(axis=(1, 3))
+                pixels = pixels * environment.gain.astype(np.float32)
+                return _of_light(pixels, environment, rotation_deg=environment.rotation_deg)
+    whole = Environment.from_cube(environment.with_discs(()).cube(_MOST_ROWS // 2))
+    return _of_light(_averaged(whole, _MOST_ROWS, 2 * _MOST_ROWS), environment)
+
+
+def _of_light(pixels: Picture, environment: Environment, *, rotation_deg: float = 0.0) -> Environment:
+    """A map with all the light of an environment, and its discs."""
+    wanted, found = environment.with_discs(()).total, Environment(pixels, "latlong").total
+    pixels = pixels * np.divide(wanted, found, out=np.ones(3), where=found > 0).astype(np.float32)
+    pixels.setflags(write=False)
+    return Environment(
+        pixels, "latlong", rotation_deg=rotation_deg, name=environment.name, discs=environment.discs
     )
 
 
 def turned(coarse: Environment, degrees: float) -> Environment:
-    """A ``small`` map turned, as it is seen at the middles of texels; its light is kept, in a tenth of the time."""
-    if degrees % 360 == 0 and coarse.layout == "cube":
+    """A ``small`` map turned by moving its columns, so that where its pixels fall need not be found again."""
+    from ..lighting.remembered_places import (
+        turned_columns,
+    )  # brings the compiler along: the page need not wait
+
+    if degrees % 360 == 0:
         return coarse
-    whole, side = coarse.with_discs(()), _SMALL_CUBE
-    seen = whole.rotated(degrees).radiance_along(_texels(side)).reshape(6, side, side, 3)
-    found = np.einsum("fijk,ij->k", seen, cube_map.solid_angles(side), dtype=np.float64)
-    seen *= np.divide(whole.total, found, out=np.ones(3), where=found > 0).astype(np.float32)
-    return replace(Environment.from_cube(seen), discs=coarse.rotated(degrees).discs)
-
-
-@lru_cache(maxsize=2)
-def _texels(side: int) -> Directions:
-    return cube_map.texel_directions(np.arange(6 * side * side, dtype=np.int32), side)
+    pixels, rest = turned_columns(coarse.pixels, coarse.rotation_deg + degrees)
+    pixels.setflags(write=False)
+    discs = tuple(disc.turned(degrees) for disc in coarse.discs)
+    return Environment(pixels, "latlong", rotation_deg=rest, name=coarse.name, discs=discs)
 
 
 def suitable_stops(environment: Environment) -> float:

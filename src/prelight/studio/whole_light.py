@@ -15,6 +15,7 @@ import numpy as np
 from ..arrays import Radiance
 from ..lighting.environment import Environment
 from ..lighting.quantities import Triple
+from ..lighting.resampling import remember_turns
 from ..lighting.rig import Rig
 from ..relighting.lit_bake import LitBake
 from ..storage.bake import Bake
@@ -122,6 +123,11 @@ class WholeLight:
         self._is_warm = True
         if self._quick is not None:
             self._quick.warm(state)
+        if self._takes_sky and self._quick is None:
+            coarse = self._small(self._environments.open(sky_id(state)))
+            for layer in self._lit.layers:
+                if (side := getattr(layer, "quick_side", None)) is not None:
+                    remember_turns(*coarse.pixels.shape[:2], side)
 
     def view(self, state: State, eye: Triple) -> View:
         """What the light that is there adds toward a point, and what is outside as it is seen from there."""
