@@ -53,17 +53,16 @@ class Guest:
     def drag(self) -> None:
         """A step with a light of the sky."""
         self._count += 1
-        began, worked, wanted = time.monotonic(), spent(self._process), None
+        began, worked, wanted, shown = time.monotonic(), spent(self._process), None, -1
         azimuth = float(self._count % 360 - 180)
         self._socket.send(encode(SetDisc("good", azimuth, 20.0, 5.0, (1.0, 1.0, 1.0), dragging=True)))
         self._socket.send(encode(Mark(self._count)))
-        while True:
+        while wanted is None or shown < wanted:  # the light may come before the answer to the mark
             got = self._socket.recv(10)
             if isinstance(got, bytes):
                 header = FrameHeader.read(got)
                 self._socket.send(encode(Seen(header.frame)))
-                if wanted is not None and header.sequence >= wanted:
-                    break
+                shown = header.sequence
             elif '"type": "Marked"' in got[:60]:
                 wanted = json.loads(got)["sequence"]
         self.waited.append(time.monotonic() - began)
@@ -110,7 +109,7 @@ def test_a_visitor_is_answered_whatever_company_there_is(tmp_path_factory) -> No
     assert heaviest - before <= GROWTH
     assert np.quantile(guest.worked, 0.95) <= BOUND
     assert middle <= BOUND
-    if SECONDS >= LONG:  # S5 itself; on two cores, which the company uses too, it is not held every time
+    if SECONDS >= LONG:  # S5 itself
         assert worked <= BOUND
         assert waited <= BOUND
 
@@ -164,3 +163,20 @@ def test_messages_that_lie_ready_leave_others_their_turn(live: LiveStudio) -> No
 
     asyncio.run_coroutine_threadsafe(both(), loop).result(10)
     assert len(turns) >= 10
+
+
+def test_a_flood_of_changes_is_told_in_few_states(live: LiveStudio) -> None:
+    """And whoever asks has been told the newest before the answer to his mark: the page drops its edits then."""
+    with live.page() as page:
+        page.message("Welcome")
+        page.quiet()
+        page.messages.clear()
+        began = time.monotonic()
+        for k in range(150):
+            page.send(SetDisc("flood", float(k), 20.0, 5.0, (1.0, 1.0, 1.0), dragging=True))
+        page.send(Mark(7))
+        marked = page.message("Marked")
+        states = [said for said in page.messages if said["type"] == "State"]
+        assert len(states) <= 3 + (time.monotonic() - began) / 8e-3
+        assert states[-1]["sequence"] == marked["sequence"]
+        assert states[-1]["discs"][0]["azimuth_deg"] == 149.0

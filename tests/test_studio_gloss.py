@@ -135,6 +135,47 @@ def test_a_look_that_is_asked_for_before_a_walk_shines_as_it_is_seen_after_it(br
         assert not visit.complaints
 
 
+def test_a_late_answer_for_a_look_that_is_not_shown_is_not_kept_for_another_eye(browser):
+    """It was asked for from aside, and comes when one is back: shown then, the look is asked for anew."""
+    studio = patches(np.full((SQUARES, 3), 0.4))
+    shining(studio)
+    with_looks(studio)
+    plain = studio.replies["Compare"]
+    asked: list[float] = []
+
+    def answer(eye: float) -> list:
+        halves = np.zeros((4 * SQUARES, 4), "<f2")
+        halves[:, 1] = 0.1 + 0.4 * (eye > 1)
+        return [*plain({"look": "Blue"}), framed(halves, FRAME_ASIDE | FRAME_VIEW | FRAME_SHINE)]
+
+    def compared(message):
+        asked.append(message["eye"][0])
+        return ([], answer(0.0), answer(0.0))[len(asked) - 1]  # always that of the question before
+
+    studio.replies |= {"Compare": compared, "Undo": lambda _: answer(4.0)}
+    studio.cameras = [STRAIGHT, {**STRAIGHT, "name": "aside", "eye": (4.0, 0.0, 9.0)}]
+    with serving(studio), visiting(browser, studio.url) as visit:
+        linearly(visit)
+        page = visit.page
+        visit.until("__prelight.metrics.views", lambda count: count >= 1)
+        page.get_by_role("button", name="Compare with Blue").click()
+        wait_for(lambda: asked == [0.0])
+        page.get_by_role("button", name="Done").click()
+        page.get_by_role("button", name="aside").click()
+        wait_for(lambda: asked == [0.0, 4.0])
+        visit.until("__prelight.metrics.asideViews", lambda count: count == 1)
+        page.get_by_role("button", name="straight").click()
+        page.wait_for_timeout(400)  # the eye rests
+        page.get_by_role("button", name="Undo").click()
+        visit.until("__prelight.metrics.asideViews", lambda count: count == 2)
+        page.get_by_role("button", name="Compare with Blue").click()
+        wait_for(lambda: asked == [0.0, 4.0, 0.0])
+        visit.until("__prelight.metrics.asideViews", lambda count: count == 3)
+        columns = seen(visit).reshape(ROWS, COLUMNS, 3)
+        assert np.abs(columns[:, COLUMNS // 2 + 1 :] - (0.1, 0.2, 0.8)).max() < 0.02
+        assert not visit.complaints
+
+
 def test_each_side_has_the_world_outside_of_its_look(browser):
     """Behind the scene: of what is set on the left; of a look on the right, its sky where it has no world."""
     studio = patches(np.zeros((SQUARES, 3)), sky=np.full((SKY[0] * SKY[1], 3), 0.25))

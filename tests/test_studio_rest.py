@@ -121,8 +121,28 @@ def test_keys_do_what_the_sheet_says(visit):
     page.evaluate("() => document.activeElement?.blur()")
     changed(visit, lambda: page.keyboard.press("z"))
     assert look(visit)["discs"] == []
-    changed(visit, lambda: page.keyboard.press("Z"))
-    assert len(look(visit)["discs"]) == 1
+    for undo, redo in (("", "Z"), ("z", "y"), ("Control+z", "Control+Shift+Z")):
+        if undo:
+            changed(visit, lambda undo=undo: page.keyboard.press(undo))
+            assert look(visit)["discs"] == []
+        changed(visit, lambda redo=redo: page.keyboard.press(redo))
+        assert len(look(visit)["discs"]) == 1
+    exposure = page.get_by_role("slider", name="Exposure")
+    page.get_by_role("button", name="Auto").click()
+    visit.until("__prelight.resting()")
+    suitable = float(exposure.input_value())
+    visit.slide("Picture", "Exposure", suitable + 2)
+    page.evaluate("() => document.activeElement.blur()")
+    page.keyboard.press("a")
+    visit.until(
+        "document.querySelector('[aria-label=Exposure]').value",
+        lambda stops: abs(float(stops) - suitable) < 0.2,
+    )
+    visit.slide("Picture", "Exposure", -1)
+    page.evaluate("() => document.activeElement.blur()")
+    for is_seen in (False, True):
+        page.keyboard.press("h")
+        assert page.locator("#panel").is_visible() == is_seen
     page.keyboard.press("?")
     assert page.get_by_role("dialog", name="Keys").is_visible()
     page.get_by_role("button", name="Close").click()

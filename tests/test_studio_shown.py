@@ -120,6 +120,14 @@ def test_two_looks_beside_each_other_and_before_and_after(browser):
         page.evaluate("() => document.activeElement.blur()")
         page.keyboard.press("b")  # no more
         assert np.abs(seen(visit) - 0.4).max() < 0.02
+        page.get_by_role("button", name="Red", exact=True).click()
+        page.get_by_role("button", name="Forget Red").click()
+        page.get_by_role("textbox", name="Name of the look").fill("Third")
+        page.get_by_role("button", name="Keep", exact=True).click()
+        asked = ("ShowLook", "RemoveLook", "SaveLook")
+        wait_for(lambda: sum(message["type"] in asked for message in studio.received) == 3)
+        named = [(m["type"], m["name"]) for m in studio.received if m["type"] in asked]
+        assert named == [("ShowLook", "Red"), ("RemoveLook", "Red"), ("SaveLook", "Third")]
         assert not visit.complaints
 
 
@@ -281,8 +289,23 @@ def test_walking_goes_where_one_looks(browser, rng):
         assert np.abs(visit.pixels() - before).mean() > 3
         there = page.evaluate("() => __prelight.eye()")
         assert np.abs(np.subtract(there, first)[:2]).max() < 1e-3
+        for key, back, axis in (("d", "a", 0), ("e", "q", 1)):  # right and up
+            page.keyboard.down(key)
+            visit.until(f"__prelight.eye()[{axis}]", lambda at, axis=axis: at > there[axis] + 0.3)
+            page.keyboard.up(key)
+            farthest = page.evaluate("() => __prelight.eye()")[axis]
+            page.keyboard.down(back)
+            visit.until(f"__prelight.eye()[{axis}]", lambda at, known=farthest: at < known - 0.3)
+            page.keyboard.up(back)
+        there = page.evaluate("() => __prelight.eye()")
+        visit.rested()
+        level = page.evaluate("() => __prelight.pick(240, 225)")
         page.mouse.move(200, 200)
         page.mouse.down()
+        page.mouse.move(200, 230, steps=3)  # what is seen follows the hand: one looks up
+        visit.rested()
+        assert page.evaluate("() => __prelight.pick(240, 225)")[1] > level[1] + 0.1
+        page.mouse.move(200, 200, steps=3)
         page.mouse.move(360, 200, steps=3)  # half a radian to the left
         page.mouse.up()
         page.keyboard.down("ArrowUp")

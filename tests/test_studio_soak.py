@@ -133,10 +133,10 @@ async def probed(company: Company) -> None:
         await socket.send(encode(Hello(PROTOCOL_VERSION)))
         k = 0
         while company.goes_on:
-            began, wanted, k = time.monotonic(), None, k + 1
+            began, wanted, shown, k = time.monotonic(), None, -1, k + 1
             await socket.send(encode(SetDisc("probe", float(k % 360 - 180), 20.0, 5.0, (1.0, 1.0, 1.0))))
             await socket.send(encode(Mark(k)))
-            while True:
+            while wanted is None or shown < wanted:
                 got = await asyncio.wait_for(socket.recv(), 10)
                 if isinstance(got, str):
                     said = json.loads(got)
@@ -145,8 +145,7 @@ async def probed(company: Company) -> None:
                     continue
                 header = FrameHeader.read(got)
                 await socket.send(encode(Seen(header.frame)))
-                if wanted is not None and header.sequence >= wanted:
-                    break
+                shown = header.sequence
             company.late.append((time.monotonic(), time.monotonic() - began))
             await asyncio.sleep(EVERY)
 

@@ -54,6 +54,11 @@ def test_fingers_do_what_a_mouse_does(browser, rng):
         page.get_by_role("button", name="straight").tap()
         visit.until("__prelight.eye()[2]", lambda z: abs(z - 10) < 1e-6)
         assert np.abs(visit.pixels() - straight).mean() < 0.5
+        page.get_by_role("button", name="Walk").tap()
+        finger(visit, along((220, 220), (150, 220)), along((260, 220), (330, 220)))  # apart: ahead
+        visit.until("__prelight.eye()[2]", lambda z: z < 10)
+        page.get_by_role("button", name="straight").tap()
+        visit.until("__prelight.eye()[2]", lambda z: abs(z - 10) < 1e-6)
         box = page.get_by_role("slider", name="Turn of the sky").bounding_box()
         x, y, r = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, 0.35 * box["width"]
         finger(visit, [(x - r * np.sin(a), y - r * np.cos(a)) for a in np.linspace(0, np.pi / 2, 6)])

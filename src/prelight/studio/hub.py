@@ -13,11 +13,10 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from ..errors import InputError, PrelightError
 from .environments import Environments
+from .greeting import greeting
 from .history import Looks
 from .kept import load, save, without_map
 from .protocol import (
-    MOST_DISCS,
-    MOST_LAMPS,
     PROTOCOL_VERSION,
     ClientMessage,
     Compare,
@@ -50,6 +49,7 @@ from .wire import decode, encode
 MOST_VISITORS = 30
 _HELLO_WITHIN = 5.0  # seconds
 _AT_ONCE = 8  # messages of a page that are taken before others have their turn
+_STATES_EVERY = 8e-3  # seconds: what all are told after each change of a flood was most of the loop's work
 _SAVE_AFTER = 0.3  # seconds from a change, whatever comes after it
 
 
@@ -85,8 +85,11 @@ class Hub:
         self._sockets: set[WebSocket] = set()
         self._numbers = 0
         self._frame: Frame | None = None
+        self._greeting: Welcome | None = None  # without a number
         self._waiting: str | None = None
         self._saving: asyncio.Task[None] | None = None
+        self._telling: asyncio.TimerHandle | None = None  # of a state that has not been told yet
+        self._told_at = 0.0
         self._saved, looks = self._first_state()
         self._tracing = Tracing(shown.bake, environments, pictures=pictures, tell=self._traced)
         self._session = Session(
@@ -142,8 +145,9 @@ class Hub:
         """End the session and keep its rig."""
         await asyncio.to_thread(self._tracing.close)
         await asyncio.to_thread(self._session.stop)
-        if self._saving is not None:
-            self._saving.cancel()
+        for waits in (self._saving, self._telling):
+            if waits is not None:
+                waits.cancel()
         self._save(self._session.state)
 
     # ---- From the session's thread ----------------------------------------------------------------------
@@ -194,6 +198,19 @@ class Hub:
         text = encode(message)
         for visitor in self._visitors:
             visitor.tell(message, text=text)
+
+    def _tell_state(self) -> None:
+        """Tell all the newest state: at once, or soon where they have just been told one."""
+        if self._telling is None:
+            wait = self._told_at + _STATES_EVERY - self._loop.time()
+            if wait <= 0:
+                self._tell_state_now()
+            else:
+                self._telling = self._loop.call_later(wait, self._tell_state_now)
+
+    def _tell_state_now(self) -> None:
+        self._telling, self._told_at = None, self._loop.time()
+        self._tell_all(self._session.state)
 
     def _look_for_room(self) -> None:
         self._session.set_room(has_room=not self._visitors or any(v.has_room for v in self._visitors))
@@ -255,42 +272,12 @@ class Hub:
             self._look_for_room()
 
     async def _welcome(self, visitor: Visitor) -> Welcome:
-        shown = self._shown
-        cameras, eye, pixels, takes, portals, glossy, steered = await asyncio.to_thread(
-            lambda: (
-                shown.cameras,
-                shown.eye,
-                shown.pixels,
-                shown.takes,
-                shown.portals,
-                shown.glossy,
-                shown.steered,
+        if self._greeting is None:
+            begin, missing = self._session.state, self._tracing.missing
+            self._greeting = await asyncio.to_thread(
+                greeting, self._shown, self._environments, state=begin, no_tracer=missing
             )
-        )
-        return Welcome(
-            version=PROTOCOL_VERSION,
-            visitor=visitor.number,
-            name=shown.bake.manifest.scene.name,
-            bake=shown.digest,
-            receivers=shown.rows,
-            vertices=shown.vertices,
-            triangles=shown.triangles,
-            textures=shown.textures,
-            resolution=shown.resolution,
-            pixels=pixels,
-            eye=eye,
-            cameras=cameras,
-            environments=self._environments.choices,
-            takes=takes,
-            portals=portals,
-            steered=steered,
-            worlds=self._environments.worlds.views if "glass" in takes else (),
-            glossy=glossy,
-            no_tracer=self._tracing.missing,
-            most_discs=MOST_DISCS,
-            most_lamps=MOST_LAMPS,
-            state=self._session.state,
-        )
+        return replace(self._greeting, visitor=visitor.number, state=self._session.state)
 
     async def _listen(self, socket: WebSocket, visitor: Visitor) -> None:
         for taken in itertools.count(1):
@@ -309,6 +296,8 @@ class Hub:
                 visitor.seen(message)
                 self._look_for_room()
             elif isinstance(message, Mark):
+                if self._telling is not None:  # from a mark on its page shows what it has been told
+                    visitor.tell(self._session.state)
                 visitor.tell(Marked(message.number, self._session.state.sequence))
             elif message is not None:
                 await self._obey(message, visitor)
@@ -334,11 +323,11 @@ class Hub:
                 self._environments.worlds.open(message.world)  # or it is not accepted
             if isinstance(message, SetEnvironment) and message.environment is not None:
                 await asyncio.to_thread(self._open_map, message.environment)  # or it is not accepted
-            state = self._session.change(message, author=visitor.number)
+            self._session.change(message, author=visitor.number)
         except InputError as error:
             visitor.tell(Refused(type(message).__name__, str(error)))
             return
-        self._tell_all(state)
+        self._tell_state()
         self._save_soon()
 
     def _trace(self, message: Trace | StopTrace, visitor: Visitor) -> None:

@@ -32,6 +32,7 @@ interface TracedPicture {
 export class Sides {
   private readonly known = new Map<string, Lit>();
   private readonly asked = new Set<string>();
+  private readonly askedFrom = new Map<string, string>(); // where the eye was at the newest question about a side
   private traced: TracedPicture | null = null;
   private wanted: Mix = ALONE;
   private compared: unknown = null;
@@ -52,12 +53,15 @@ export class Sides {
 
   /** Fetch what will be shown soon. */
   need(side: string | null): void {
-    if (side === null || side === NOW || side === TRACED || this.known.has(side) || this.asked.has(side)) return;
+    if (side === null || side === NOW || side === TRACED || this.asked.has(side)) return;
+    const isMoving = this.rest !== 0; // when it rests, all are looked at again
+    if (this.known.has(side) && (isMoving || this.askedFrom.get(side) === String(this.eye))) return;
     this.ask(side);
   }
 
   private ask(side: string): void {
     this.asked.add(side);
+    this.askedFrom.set(side, String(this.eye));
     this.send({ type: "Compare", look: side === BEFORE ? null : side.slice(ofLook("").length), eye: this.eye });
   }
 
@@ -70,6 +74,7 @@ export class Sides {
   }
 
   private lookAgain(): void {
+    this.rest = 0;
     for (const side of new Set([...this.known.keys(), ...this.asked])) {
       const isWanted = side === this.wanted.left || side === this.wanted.right;
       if (isWanted || this.asked.has(side)) this.ask(side); // what is on its way is as another eye saw it

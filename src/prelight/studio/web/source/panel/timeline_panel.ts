@@ -63,6 +63,7 @@ export class TimelinePanel {
     for (const made of [...this.buttons.children].slice(1)) (made as HTMLElement).hidden = timeline.length < 2;
     this.adder.disabled = timeline.length >= MOST_KEYS;
     if (this.input !== null) this.input.max = String(this.duration || 1);
+    this.time.show(Math.min(this.at, this.duration));
     if (isOther && !this.live.hidden && this.began === null) this.seek(Math.min(this.at, this.duration));
   }
 
