@@ -77,7 +77,7 @@ ARRAYS = {
         "a node less": lambda v: v[1:],
     },
     "first/colours": {
-        "brighter than white": lambda v: changed(v, (0, 0), 4e5),
+        "brighter than white": lambda v: changed(v, (0, 0), 4.0),
         "negative": lambda v: changed(v, (0, 0), -1e-3),
         "two": lambda v: v[:, :2],
     },

@@ -37,3 +37,12 @@ def test_a_blur_is_the_gaussian_mean(degrees: float, outward: np.ndarray | None,
     found = frosted(shell, degrees, outward, cells_per_sigma=100.0)
     expected = summed(shell, degrees, outward)
     np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-5 * expected.max())
+
+
+@pytest.mark.parametrize("degrees", [1e-6, 1e-4, 0.002, 0.005, 0.02])
+@pytest.mark.parametrize("cells", [16, 32, 64])
+def test_hardly_any_frost_changes_hardly_anything(degrees: float, cells: int, rng) -> None:
+    """Angles that are lost in float32 had made cells black, and no numbers at all."""
+    shell = rng.uniform(0, 1, (6, cells, cells, 3)).astype(np.float32)
+    for roughly in ({}, {"cells_per_sigma": 1.5, "most_cells": 64}):
+        np.testing.assert_allclose(frosted(shell, degrees, **roughly), shell, atol=1e-4)

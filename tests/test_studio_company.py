@@ -12,17 +12,28 @@ import os
 import socket as sockets
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from prelight.studio.frames import FrameHeader
-from prelight.studio.protocol import PROTOCOL_VERSION, Hello, Mark, RemoveDisc, Seen, SetDisc
+from prelight.studio.protocol import (
+    PROTOCOL_VERSION,
+    Hello,
+    Mark,
+    RemoveDisc,
+    Seen,
+    SetDisc,
+    SetEnvironment,
+    State,
+)
+from prelight.studio.session import Session
 from prelight.studio.visitor import Visitor
 from prelight.studio.wire import encode
 
@@ -180,3 +191,36 @@ def test_a_flood_of_changes_is_told_in_few_states(live: LiveStudio) -> None:
         assert len(states) <= 3 + (time.monotonic() - began) / 8e-3
         assert states[-1]["sequence"] == marked["sequence"]
         assert states[-1]["discs"][0]["azimuth_deg"] == 149.0
+
+
+def test_a_newer_state_is_not_replaced_by_an_older_one(live: LiveStudio, monkeypatch) -> None:
+    """Whose exposure has become known while a page's change waited for the session's lock."""
+    noting, waits = Session._with_stops, threading.Event()
+
+    class Slow:
+        def __init__(self, told: Any) -> None:
+            self._told = told
+
+        def stops(self, known: State) -> None:
+            waits.set()
+            time.sleep(0.2)  # with the lock
+            self._told.stops(known)
+
+    def slowly(self: Session, state: State) -> State:
+        told, self._tell = self._tell, cast(Any, Slow(self._tell))
+        try:
+            return noting(self, state)
+        finally:
+            self._tell = told
+
+    with live.page() as page:
+        page.message("Welcome")
+        page.quiet()
+        monkeypatch.setattr(Session, "_with_stops", slowly)
+        page.messages.clear()
+        page.send(SetEnvironment(environment="stock:overcast"))
+        assert waits.wait(5)
+        page.send(SetDisc("later", 30.0, 20.0, 5.0, (1.0, 1.0, 1.0)))
+        page.quiet()
+        states = [said for said in page.messages if said["type"] == "State"]
+        assert "later" in [disc["id"] for disc in states[-1]["discs"]]

@@ -39,7 +39,7 @@ SCENES: dict[str, tuple[Callable[[Path], Scene], dict[str, Any]]] = {
     "cornell": (partial(_stock, "cornell"), {"lights": 252, "box": CORNELL_BOX}),
     "window": (partial(_stock, "pierced-box"), {"lights": 300, "box": WINDOW_BOX}),
     "maze": (lambda _: maze(detail=1.08), {"lights": 1200, "modes": 1024, "box": MAZE_BOX}),
-    "sponza": (_sponza, {"lights": 450, "gather_rays": 256, "modes": 256, "memory": 6_000_000_000}),
+    "sponza": (_sponza, {"lights": 450, "gather_rays": 256, "modes": 384, "memory": 6_000_000_000}),
     "cornell-small": (partial(_stock, "cornell-small"), {"lights": 216, "box": CORNELL_BOX}),
     "window-small": (partial(_stock, "pierced-box-small"), {"lights": 250, "box": WINDOW_BOX}),
     "maze-small": (partial(_stock, "maze-small"), {"lights": 1024, "modes": 1024, "box": MAZE_BOX}),

@@ -72,7 +72,7 @@ class RunRows:
         return tuple(_frozen(a) for a in arrays)
 
     def lit_layer(self) -> tuple:
-        """As ``lit`` takes it: short runs are laid flat, where that takes no more memory than their numbers do."""
+        """As ``lit`` takes it: short runs are laid flat, where that takes at most twice as much memory."""
         if 2 * len(self.data) > _FLAT_BYTES * RUN_BYTES * len(self.runs):
             return self.layer()
         cells = np.empty(len(self.data), np.uint16)

@@ -17,6 +17,7 @@ from .rough_pane import rough_pane
 CELLS_PER_SIGMA = 2.0  # of the cube that is blurred
 _ROUGHLY, _MOST_ROUGHLY = 1.5, 16  # the same while a hand drags, and cells of a side at most
 _CUT = 4.0  # standard deviations
+_LEAST_DEG, _LEAST_OF_CELL = 0.05, 0.1  # less frost changes nothing: absolutely, and of a cell of the cube
 _PLACES = 64  # at which the polynomial of a weight is fitted
 
 
@@ -35,7 +36,7 @@ def frosted(
     shell
         ``(6, n, n, 3)`` radiance.
     frost_deg
-        Standard deviation, degrees; 0 leaves everything as it is.
+        Standard deviation, degrees; 0 leaves everything as it is, and so does a tenth of a cell.
     outward
         The unit normal of a flat pane, toward the outside: light from behind the pane's plane does not count. Zeros or
         None where a pane is not flat.
@@ -45,7 +46,7 @@ def frosted(
     An even shell stays as it is.
     """
     n = shell.shape[1]
-    if frost_deg <= 0:
+    if frost_deg <= max(_LEAST_DEG, _LEAST_OF_CELL * 90 / n):  # what reaches the next cell is below float32
         return shell
     sigma = math.radians(frost_deg)
     coarse = n

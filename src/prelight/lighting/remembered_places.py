@@ -17,7 +17,7 @@ from .remembered_places_kernels import add_up, give, split_all
 from .scattering import Places, Slab, Vector, scatter_latlong
 
 MOST_PIXELS, MOST_RESOLUTION = 1 << 17, 64  # some ten megabytes
-_REMEMBERED = 10  # sizes and turns
+_REMEMBERED = 24  # sizes and turns: four of each layer that a hand turns, and those of exact answers
 _PARTS = 4  # of a column
 Frames = tuple[tuple[Vector, Vector, Vector], ...]  # U, V, AXIS of each face
 

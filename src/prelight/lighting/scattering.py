@@ -107,7 +107,7 @@ def _on_all_faces(d: Vector, e: Vector, f: Vector) -> float:
 
 def _add(slab: Slab, row: int, column: int, share: float, light: object) -> None:
     """Give a texel its share of light; or note it, where light is the number of a pixel."""
-    raise NotImplementedError
+    raise TypeError("for compiled callers alone")
 
 
 @overload(_add, inline="always")
@@ -190,7 +190,7 @@ def split(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Vec
 
 def _light_of(pixels: Picture, own: tuple, rows: tuple, columns: tuple, highest: Vector | None) -> object:
     """``split`` of a pixel; its number, where there is no highest floor."""
-    raise NotImplementedError
+    raise TypeError("for compiled callers alone")
 
 
 @overload(_light_of)

@@ -14,7 +14,9 @@ from ..storage.environment_layer import tree_size
 from .pace import Pace
 
 _MOST_SUM = 1 + 1e-3  # of a row: no place receives more than is sent
-_MOST_COLOUR = 3.1e5  # of a mean of three that is at most 1, over a weight from 1e-5 to 1
+_MOST_COLOUR = 3 + 1e-3  # of a mean of three that is at most 1
+_LEAST_WEIGHT = 1e-5  # of an entry, where entries are weighed
+_MOST_BOUNCED = 8.0  # of light of 1 everywhere, by an operator that is weighed: about 1 if it is whole
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,11 @@ class FirstBounce:
         return out
 
 
-def read_first_bounce(bake: Bake, at: str) -> FirstBounce | None:
-    """None where a bake has none. Raises DamagedBakeError; shapes are checked with the manifest."""
+def read_first_bounce(bake: Bake, at: str, *, weighed: bool = False) -> FirstBounce | None:
+    """None where a bake has none; ``weighed``: of entries with weights, which are in sums and colours.
+
+    Raises DamagedBakeError; shapes are checked with the manifest.
+    """
     if f"{at}/order" not in bake.manifest.arrays:
         return None
 
@@ -88,13 +93,16 @@ def read_first_bounce(bake: Bake, at: str) -> FirstBounce | None:
         raise DamagedBakeError(bake.path, f"{at}/counts are not those of its {len(steps):,} steps")
     if (row := first_wrong_row(starts, steps, tree_size(vertices))) >= 0:
         raise DamagedBakeError(bake.path, f"{at}/steps of row {row} leave the tree of {vertices:,} vertices")
-    return FirstBounce(
+    found = FirstBounce(
         order=order,
         left=within("left", 1 + 1e-6),
-        colours=within("colours", _MOST_COLOUR),
+        colours=within("colours", _MOST_COLOUR / (_LEAST_WEIGHT if weighed else 1)),
         sums=within("sums", _MOST_SUM),
         scales=within("scales", 1.0),
         starts=starts,
         steps=steps,
         codes=codes,
     )
+    if weighed and not (found.bounce(np.ones((vertices, 3), np.float32)) <= _MOST_BOUNCED).all():
+        raise DamagedBakeError(bake.path, f"{at} makes more of light than it gets")
+    return found

@@ -126,7 +126,7 @@ def read_portals(bake: Bake, name: str | None = None) -> PortalsLayer:
     return PortalsLayer(
         name, names, floats["centres"], floats["areas"], floats["outward"], floats["tints"], of_pane,
         floats["pane_tints"], pane_rows, receiver, rows,
-        glass, glass_portal, **bounced, first=read_first_bounce(bake, f"{at}/bounced/first"),
+        glass, glass_portal, **bounced, first=read_first_bounce(bake, f"{at}/bounced/first", weighed=True),
         most=most if type(most := record.parameters.get("bounces")) is int else None,
         openings=read_openings(bake, f"{at}/openings", panes=int((caustic == 0).sum())),
         pane_caustic=caustic,

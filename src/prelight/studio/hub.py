@@ -90,6 +90,7 @@ class Hub:
         self._saving: asyncio.Task[None] | None = None
         self._telling: asyncio.TimerHandle | None = None  # of a state that has not been told yet
         self._told_at = 0.0
+        self._told: tuple[State, str] | None = None  # the newest, and its JSON
         self._saved, looks = self._first_state()
         self._tracing = Tracing(shown.bake, environments, pictures=pictures, tell=self._traced)
         self._session = Session(
@@ -165,7 +166,7 @@ class Hub:
             aside=on_loop(self._show_aside),
             view=on_loop(self._show_view),
             waiting=on_loop(self._wait),
-            stops=on_loop(self._tell_all),
+            stops=on_loop(lambda _: self._tell_state()),  # the newest: it may be another by now
             refused=on_loop(lambda error: self._tell_all(Refused("State", str(error)))),
             failed=on_loop(self._failed),
         )
@@ -210,7 +211,15 @@ class Hub:
 
     def _tell_state_now(self) -> None:
         self._telling, self._told_at = None, self._loop.time()
-        self._tell_all(self._session.state)
+        state = self._session.state
+        for visitor in self._visitors:
+            visitor.tell(state, text=self._text_of(state))
+
+    def _text_of(self, state: State) -> str:
+        """A state's JSON, made once: a page may ask for it with each mark."""
+        if self._told is None or self._told[0] is not state:
+            self._told = state, encode(state)
+        return self._told[1]
 
     def _look_for_room(self) -> None:
         self._session.set_room(has_room=not self._visitors or any(v.has_room for v in self._visitors))
@@ -297,7 +306,8 @@ class Hub:
                 self._look_for_room()
             elif isinstance(message, Mark):
                 if self._telling is not None:  # from a mark on its page shows what it has been told
-                    visitor.tell(self._session.state)
+                    state = self._session.state
+                    visitor.tell(state, text=self._text_of(state))
                 visitor.tell(Marked(message.number, self._session.state.sequence))
             elif message is not None:
                 await self._obey(message, visitor)

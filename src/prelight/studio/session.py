@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -218,7 +218,8 @@ class Session:
                     self._tell.waiting(None)
                 self._answer_eyes(light)
                 if not is_warm and self._shown is not None and self._shown[1]:
-                    light.warm(wanted[0])
+                    with suppress(InputError):  # of a map that has gone: the next state tells
+                        light.warm(wanted[0])
                     is_warm = True
                 is_first = False
         except Superseded:
