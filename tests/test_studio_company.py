@@ -37,7 +37,7 @@ from prelight.studio.session import Session
 from prelight.studio.visitor import Visitor
 from prelight.studio.wire import encode
 
-from .live_studio import LiveStudio, ball_bake, running
+from .live_studio import PATIENCE, LiveStudio, ball_bake, running
 from .test_studio_soak import resident, studio
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -214,13 +214,14 @@ def test_a_newer_state_is_not_replaced_by_an_older_one(live: LiveStudio, monkeyp
             self._tell = told
 
     with live.page() as page:
-        page.message("Welcome")
-        page.quiet()
+        page.exact(page.message("Welcome")["state"]["sequence"])
         monkeypatch.setattr(Session, "_with_stops", slowly)
         page.messages.clear()
         page.send(SetEnvironment(environment="stock:overcast"))
-        assert waits.wait(5)
+        assert waits.wait(PATIENCE)
         page.send(SetDisc("later", 30.0, 20.0, 5.0, (1.0, 1.0, 1.0)))
-        page.quiet()
+        page.send(Mark(1))
+        page.exact(page.message("Marked")["sequence"])
+        page.quiet(0.1)
         states = [said for said in page.messages if said["type"] == "State"]
         assert "later" in [disc["id"] for disc in states[-1]["discs"]]
