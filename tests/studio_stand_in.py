@@ -55,7 +55,7 @@ def state(**changed: Any) -> State:
     return {
         "sequence": 0, "author": None, "environment": "stock:noon", "rotation_deg": 0.0, "scale": 1.0,
         "tint": [1.0, 1.0, 1.0], "sun": SUN, "discs": [], "lamps": [], "glass": [], "stops": 0.0, "looks": [],
-        "timeline": [], "world": None, "seconds": 0.0,
+        "timeline": [], "paint": [], "world": None, "seconds": 0.0,
         "undo": None, "redo": None, **changed,
     }  # fmt: skip
 
@@ -244,6 +244,10 @@ class StandIn:
             name = message["lamp"]["id"] if kind == "SetLamp" else message["id"]
             others = [lamp for lamp in self.state["lamps"] if lamp["id"] != name]
             self.state["lamps"] = others + ([message["lamp"]] if kind == "SetLamp" else [])
+        elif kind in ("SetPaint", "RemovePaint", "ClearPaint"):
+            name = message["stroke"]["id"] if kind == "SetPaint" else message.get("id")
+            others = [one for one in self.state["paint"] if one["id"] != name and kind != "ClearPaint"]
+            self.state["paint"] = others + ([message["stroke"]] if kind == "SetPaint" else [])
         elif kind in ("SetDisc", "RemoveDisc"):
             others = [disc for disc in self.state["discs"] if disc["id"] != message["id"]]
             self.state["discs"] = others + ([message] if kind == "SetDisc" else [])

@@ -92,6 +92,17 @@ def shots(visit: Visit) -> Iterator[tuple[str, Image.Image]]:
     for name, part in (parts | {"legend": page.locator("#legend")}).items():
         assert part.evaluate(CUT_OFF) == [], name
         yield name, shot(part)
+    regions["lights"].get_by_role("radio", name="Paint", exact=True).click()
+    regions["lights"].get_by_role("slider", name="Kelvin").fill("3000")
+    ring = regions["lights"].get_by_role("button", name="Brush at")
+    for _ in range(6):
+        ring.press("Enter")
+        ring.press("Shift+ArrowRight")
+    page.evaluate("() => document.activeElement.blur()")
+    visit.rested()
+    assert regions["lights"].evaluate(CUT_OFF) == []
+    yield "paint", shot(regions["lights"])
+    regions["lights"].get_by_role("button", name="Clear paint").click()
     visit.page.evaluate("() => __prelight.change({environment: 'daylight'}, false)")
     page.get_by_role("slider", name="Hour").wait_for()
     visit.rested()

@@ -318,7 +318,7 @@ def test_a_rig_goes_out_and_comes_back() -> None:
     ("text", "said"),
     [("x", "not a TOML"), ("[environment]\nmap = 'gone.hdr'", "gone.hdr"),
      ("[environment]\nmap = 3", "/environment/map"),
-     ("[[paint]]\nradius_deg=3\nradiance=[1,1,1]\ndirection=[0,1,0]\n[environment]\nmap='stock:noon'", "paint"),
+     ("[[paint]]\nelevation_range_deg=[0,9]\nradiance=[1,1,1]\n[environment]\nmap='stock:noon'", "paint"),
      ("[[lamp]]\nposition=[0,1,0]\nlumens=5\nies='a.ies'", "ies"), ("[[lamp]]\nposition=[0,1,0]", "/lamp/0"),
      ("[[spot]]\nintensity=[1,1,1]\ndirection=[0,-1,0]", "steerable"),
      ("[sun]\nplace=[1,2]\ntime='2026-01-01T10:00'\nground_albedo=0.5", "ground_albedo"),

@@ -30,6 +30,10 @@ LOOKS, SIDES = (
     "lamps.looks_side_by_side_and_cross_faded",
     "shown.two_looks_beside_each_other_and_before_and_after",
 )
+PAINT, PAINT_TAKEN = (
+    "paint.a_dab_lights_the_side_that_faces_it",
+    "paint.paint_has_a_colour_and_is_taken_away",
+)
 LINE, PICTURE = (
     "shown.the_timeline_fades_from_look_to_look",
     "shown.a_picture_and_a_film_are_what_is_on_the_screen",
@@ -45,6 +49,8 @@ TABLE = {
     "Lights in the sky": {
         "Add a light": "live.a_light_added_throws_a_shadow_of_its_own", "Light 1, .*": DISC,
         "Radius|Warmth|Strength": DISC,
+        "Move|Paint|Brush|Edge|Level|Cover|Brush at .*": PAINT,
+        "Erase|Clear paint|Kelvin|Colour of the brush": PAINT_TAKEN,
         "Colour of the light": DISC, "Softness": "rest.the_strip_the_softness_and_the_tint",
         "Remove": DISC,
         "Highlight": "placing.a_light_in_the_sky_goes_where_its_highlight_is_clicked",

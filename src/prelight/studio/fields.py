@@ -10,6 +10,7 @@ from ..lighting.placed_lights import FARTHEST, LARGEST_SIDE
 from ..lighting.regions import LARGEST_RADIUS_DEG, SMALLEST_RADIUS_DEG
 
 LARGEST_SCALE, LARGEST_TINT, LARGEST_RADIANCE = 1e6, 1e3, 1e7
+MOST_DABS = 96  # round regions of paint, of all strokes together; a rig file has at most 100
 LONGEST = 3600.0  # seconds, of a timeline and of a world that moves
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]

@@ -11,16 +11,19 @@ from ..errors import InputError
 from .protocol import (
     MOST_LOOKS,
     Change,
+    ClearPaint,
     OpenRig,
     Redo,
     RemoveDisc,
     RemoveLamp,
     RemoveLook,
+    RemovePaint,
     SaveLook,
     SetDisc,
     SetEnvironment,
     SetGlass,
     SetLamp,
+    SetPaint,
     SetSun,
     SetTimeline,
     SetWorld,
@@ -122,7 +125,11 @@ class History:
         if self._last is None or not self._undo:
             return False
         known, what, when = self._last
-        return known == words and (touched in ("", what) or not what) and now - when < _ONE_STEP
+        return (
+            known == words
+            and (touched in ("", what) or not what)
+            and (known == "paint" or now - when < _ONE_STEP)
+        )
 
     def _after(self, change: Change, author: int | None) -> _Desk:
         state, looks = self._desk.state, dict(self._desk.looks)
@@ -181,6 +188,10 @@ def words_of(change: Change, state: State) -> str:
         case SetDisc() | RemoveDisc():
             known = any(disc.id == change.id for disc in state.discs)
             return f"{_verb(known, removed=isinstance(change, RemoveDisc))}soft light"
+        case SetPaint():
+            return "paint"
+        case RemovePaint() | ClearPaint():
+            return "erasing paint" if isinstance(change, RemovePaint) else "clearing all paint"
         case SetLamp() | RemoveLamp():
             identity = change.lamp.id if isinstance(change, SetLamp) else change.id
             old = [lamp.name for lamp in state.lamps if lamp.id == identity]
@@ -204,7 +215,9 @@ def words_of(change: Change, state: State) -> str:
 
 
 def _touched(change: Change, state: State) -> str:
-    """Which numbers of a lamp a message changes: two sliders moved one after the other are two steps."""
+    """Which numbers of a lamp, or stroke of paint, a message changes: two sliders one after the other are two steps."""
+    if isinstance(change, SetPaint):
+        return change.stroke.id  # each stroke is a step
     if not isinstance(change, SetLamp):
         return ""
     old = next((lamp for lamp in state.lamps if lamp.id == change.lamp.id), None)

@@ -20,6 +20,7 @@ from .protocol import (
     SetEnvironment,
     SetGlass,
     SetLamp,
+    SetPaint,
     SetSun,
     SetTimeline,
     SetWorld,
@@ -57,6 +58,7 @@ def _messages(state: State) -> list[Any]:
             SetDisc(d.id, d.azimuth_deg, d.elevation_deg, d.radius_deg, d.radiance, d.softness)
             for d in state.discs
         ),
+        *(SetPaint(stroke) for stroke in state.paint),
         *(SetLamp(lamp) for lamp in state.lamps),
         *(SetGlass(glass) for glass in state.glass),
         *([] if state.world is None else [SetWorld(state.world, state.seconds)]),

@@ -1,6 +1,7 @@
 """What a rig brings to a bake, taken apart by linearity so that each change costs no more than it must.
 
-B = gain · T·(map as turned) + T·(discs). A change of scale or tint changes the gain, with which radiance is
+B = gain · T·(map as turned) + T·(discs); paint covers the map as scaled and tinted, whose gain is then
+in it already. Without paint a change of scale or tint changes the gain, with which radiance is
 packed, and nothing else; a change of a disc is a local change; only another map or turn is a full product.
 While something is dragged a map is turned coarsely and no shadow is traced; at rest the light is the exact one,
 which depends on the state alone: every sum is made anew, in one order.
@@ -12,6 +13,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -27,9 +29,9 @@ from ..storage.bake import Bake
 from .environments import Environments, small, turned
 from .frames import HEADER_BYTES
 from .protocol import MOST_DISCS, State
-from .protocol_values import LayerPace
+from .protocol_values import LayerPace, PaintStroke
 from .rgb9e5_kernels import pack
-from .rig_state import lit_discs, sky_id
+from .rig_state import WHITE, lit_discs, painted, sky_id
 
 _COARSE_RESOLUTION = 48  # R of a map while it is turned
 _TRACED_AT_ONCE = 4  # strong lights between two looks at whether the light is still wanted
@@ -56,6 +58,31 @@ class Lit:
     irradiance: Radiance
     exact: bool
     strong: StrongLights = NO_LIGHTS  # those that are traced
+
+
+class _MapKey(NamedTuple):
+    """A map as turned; painted, also as scaled and tinted."""
+
+    name: str
+    rotation_deg: float
+    scale: float = 1.0
+    tint: Triple = WHITE
+    paint: tuple[PaintStroke, ...] = ()
+
+    def of(self, turned_map: Environment) -> Environment:
+        if not self.paint:
+            return turned_map
+        return painted(turned_map.scaled(self.scale).tinted(self.tint), self.paint)
+
+
+def _map_key(state: State) -> _MapKey:
+    key = _MapKey(sky_id(state), state.rotation_deg)
+    return key._replace(scale=state.scale, tint=state.tint, paint=state.paint) if state.paint else key
+
+
+def _gain(state: State) -> Float32[np.ndarray, "3"]:
+    """What the light of the map is multiplied with."""
+    return np.ones(3, np.float32) if state.paint else (state.scale * np.array(state.tint)).astype(np.float32)
 
 
 class Light:
@@ -104,10 +131,10 @@ class Light:
         there of an exact light is kept, where it is of this state.
         """
         began, how = time.perf_counter(), "gain"
-        key = sky_id(state), state.rotation_deg
+        key = _map_key(state)
         known = self._map is not None and self._map.key == key
         if not known or (exact and not (self._map and self._map.exact)):
-            self._map = self._exact_map(*key, check=check) if exact else self._coarse_map(*key)
+            self._map = self._exact_map(key, check=check) if exact else self._coarse_map(key)
             how = self._sky.last.kind
         discs = lit_discs(state)
         if self._discs.key != discs or (exact and not self._discs.exact):
@@ -123,7 +150,7 @@ class Light:
 
         ``beside`` (rows, 3) is added: what other layers bring.
         """
-        gain = (state.scale * np.array(state.tint)).astype(np.float32)
+        gain = _gain(state)
         assert self._map is not None
         discs = self._discs.irradiance
         return self._packer(self._map.irradiance, gain, discs if beside is None else discs + beside)
@@ -138,7 +165,7 @@ class Light:
         if not self.has_gloss:
             return None
         assert self._map is not None
-        gain = (state.scale * np.array(state.tint)).astype(np.float32)
+        gain = _gain(state)
         for light, mirrored, known in (
             (self._sky, (self._map,), self._mirrored[0]),
             (self._front, (self._discs, beside), self._mirrored[1]),
@@ -163,19 +190,20 @@ class Light:
 
     # ---- The map -----------------------------------------------------------------------------------------
 
-    def _coarse_map(self, name: str, rotation_deg: float) -> Lit:
+    def _coarse_map(self, key: _MapKey) -> Lit:
         """The map at low resolution, no lights traced."""
-        cube = turned(self._small_map(name), rotation_deg).cube(min(_COARSE_RESOLUTION, self._sky.resolution))
+        whole = key.of(turned(self._small_map(key.name), key.rotation_deg))
+        cube = whole.cube(min(_COARSE_RESOLUTION, self._sky.resolution))
         self._sky.light(Environment.from_cube(cube), trace_strong=False)
-        return Lit((name, rotation_deg), self._sky.clustered_irradiance, exact=False)
+        return Lit(key, self._sky.clustered_irradiance, exact=False)
 
     def _small_map(self, name: str) -> Environment:
         if self._small is None or self._small[0] != name:
             self._small = name, small(self._environments.open(name, roughly=True))
         return self._small[1]
 
-    def _exact_map(self, name: str, rotation_deg: float, *, check: Callable[[], None]) -> Lit:
-        environment = self._environments.open(name).rotated(rotation_deg)
+    def _exact_map(self, key: _MapKey, *, check: Callable[[], None]) -> Lit:
+        environment = key.of(self._environments.open(key.name).rotated(key.rotation_deg))
         check()
         self._sky.light(environment, trace_strong=True)
         check()
@@ -184,7 +212,7 @@ class Light:
         strong = self._sky.strong_lights
         irradiance = self._sky.clustered_irradiance
         self._add_traced(irradiance, strong, check=check)
-        return Lit((name, rotation_deg), irradiance, exact=True, strong=strong)
+        return Lit(key, irradiance, exact=True, strong=strong)
 
     # ---- The discs ---------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from .environments import Environments
 from .kinds import Taken
 from .placed import layered_tracks, placed_track_of, set_glass
 from .protocol import State
-from .rig_state import lit_discs, sky_id
+from .rig_state import lit_discs, painted, sky_id
 
 
 def rig_of(state: State, environments: Environments, *, takes: tuple[Taken, ...]) -> Rig:
@@ -19,6 +19,7 @@ def rig_of(state: State, environments: Environments, *, takes: tuple[Taken, ...]
     if "environment" in takes:
         whole = environments.open(sky_id(state))
         turned = whole.rotated(state.rotation_deg).scaled(state.scale).tinted(state.tint)
+        turned = painted(turned, state.paint)
         environment = turned.with_discs([*turned.discs, *lit_discs(state)])
     lamps = [lamp for lamp in state.lamps if lamp.on and lamp.dim > 0] if "lamps" in takes else []
     steered = [lamp for lamp in state.lamps if lamp.layer is not None] if "steered" in takes else []

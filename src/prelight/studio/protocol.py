@@ -37,6 +37,7 @@ from .protocol_values import (
     LampLight,
     LayerPace,
     LookKey,
+    PaintStroke,
     PortalGlass,
     PortalView,
     SteeredView,
@@ -44,7 +45,7 @@ from .protocol_values import (
     WorldView,
 )
 
-PROTOCOL_VERSION = 5
+PROTOCOL_VERSION = 6
 LARGEST_MESSAGE = 65_536  # bytes of text from a page: a whole rig file
 MOST_DISCS, MOST_LAMPS, MOST_LOOKS, MOST_PORTALS = 32, 32, 32, 200
 MOST_KEYS = 64  # of the timeline
@@ -98,6 +99,26 @@ class RemoveDisc(Message):
     """Put out a disc."""
 
     id: DiscId
+
+
+@dataclass(frozen=True)
+class SetPaint(Message):
+    """Paint a stroke over what is there, or change the one of this id: all of it. Directions are the scene's."""
+
+    stroke: PaintStroke
+    dragging: Flag = False
+
+
+@dataclass(frozen=True)
+class RemovePaint(Message):
+    """Take a stroke of paint away."""
+
+    id: DiscId
+
+
+@dataclass(frozen=True)
+class ClearPaint(Message):
+    """Take all paint away."""
 
 
 @dataclass(frozen=True)
@@ -236,8 +257,8 @@ class Mark(Message):
 
 
 Change = (
-    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass
-    | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
+    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetPaint | RemovePaint | ClearPaint | SetLamp | RemoveLamp
+    | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig
 )  # fmt: skip
 ClientMessage = Hello | Change | Mark | Compare | LookFrom | Trace | StopTrace | Seen
 
@@ -251,7 +272,7 @@ class State(Message):
 
     ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what
     these would do, in words; null: nothing. ``looks``: the names of what is kept; ``timeline``: keyframes of them.
-    ``world``: what is outside, as it is at ``seconds``; null: only the sky.
+    ``world``: what is outside, as it is at ``seconds``; null: only the sky. ``paint``: strokes, the first one below.
     """
 
     redundancy_key: ClassVar[str | None] = "state"
@@ -268,6 +289,7 @@ class State(Message):
     stops: float | None
     world: str | None = None
     seconds: float = 0.0
+    paint: tuple[PaintStroke, ...] = ()
     looks: tuple[str, ...] = ()
     timeline: tuple[LookKey, ...] = ()
     undo: str | None = None

@@ -11,11 +11,16 @@ from ..lighting.daylight import HIGHEST_TURBIDITY, LOWEST_TURBIDITY
 from ..lighting.glass import LARGEST_FROST_DEG
 from ..lighting.placed_lights import LARGEST_RADIUS
 from .fields import (
+    MOST_DABS,
+    Azimuth,
     DiscId,
+    Elevation,
     Flag,
     Metres,
     Name,
     Number,
+    Radiance,
+    Radius,
     Seconds,
     Share,
     Side,
@@ -118,6 +123,23 @@ class DiscLight:
     radius_deg: float
     radiance: tuple[float, float, float]
     softness: float
+
+
+@dataclass(frozen=True)
+class PaintStroke:
+    """A stroke of paint on the environment: round regions, one after another, mixed with a colour.
+
+    ``points``: azimuth and elevation of each; all have the same radius, edge, radiance and opacity.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    id: DiscId
+    radius_deg: Radius
+    radiance: tuple[Radiance, Radiance, Radiance]
+    softness: Share
+    opacity: Share
+    points: Annotated[tuple[tuple[Azimuth, Elevation], ...], Field(min_length=1, max_length=MOST_DABS)]
 
 
 @dataclass(frozen=True)

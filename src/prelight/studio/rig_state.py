@@ -6,26 +6,43 @@ from dataclasses import replace
 
 from ..errors import InputError
 from ..lighting.disc import Disc
+from ..lighting.environment import Environment
+from ..lighting.painting import pointing
+from ..lighting.regions import Cap
 from .environments import DAYLIGHT, daylight_id, daylight_of
+from .fields import MOST_DABS
 from .placed import layered_tracks, placed_light
 from .protocol import (
     MOST_DISCS,
     MOST_LAMPS,
     MOST_PORTALS,
+    ClearPaint,
     RemoveDisc,
     RemoveLamp,
+    RemovePaint,
     SetDisc,
     SetEnvironment,
     SetGlass,
     SetLamp,
+    SetPaint,
     SetSun,
     SetWorld,
     State,
 )
-from .protocol_values import DiscLight, Sun
+from .protocol_values import DiscLight, PaintStroke, Sun
 
 Step = (
-    SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld
+    SetEnvironment
+    | SetSun
+    | SetDisc
+    | RemoveDisc
+    | SetPaint
+    | RemovePaint
+    | ClearPaint
+    | SetLamp
+    | RemoveLamp
+    | SetGlass
+    | SetWorld
 )  # what changes the light by itself
 WHITE = (1.0, 1.0, 1.0)
 FIRST_SUN = Sun(43.74, 15.89, "2026-06-21", 15.0, None, 2.5)
@@ -36,6 +53,7 @@ LIGHT = (
     "tint",
     "sun",
     "discs",
+    "paint",
     "lamps",
     "glass",
     "world",
@@ -60,6 +78,8 @@ def changed(state: State, change: Step, *, author: int | None) -> State:
         return replace(new, sun=change.sun, environment=DAYLIGHT, tint=WHITE, stops=None)
     if isinstance(change, SetDisc | RemoveDisc):
         return _with_disc(new, change)
+    if isinstance(change, SetPaint | RemovePaint | ClearPaint):
+        return _with_paint(new, change)
     if isinstance(change, SetGlass):
         return _with_glass(new, change)
     if isinstance(change, SetWorld):
@@ -109,6 +129,28 @@ def _with_disc(new: State, change: SetDisc | RemoveDisc) -> State:
     return replace(new, discs=tuple(sorted((*others, disc), key=lambda d: d.id)))
 
 
+def _with_paint(new: State, change: SetPaint | RemovePaint | ClearPaint) -> State:
+    if isinstance(change, ClearPaint):
+        if not new.paint:
+            raise InputError("ClearPaint", "nothing is painted")
+        return replace(new, paint=())
+    name = change.stroke.id if isinstance(change, SetPaint) else change.id
+    at = next((n for n, stroke in enumerate(new.paint) if stroke.id == name), None)
+    if isinstance(change, RemovePaint):
+        if at is None:
+            raise InputError("RemovePaint.id", f"{name!r} is not painted")
+        return replace(new, paint=new.paint[:at] + new.paint[at + 1 :])
+    at = len(new.paint) if at is None else at  # one that is known stays above and below the same strokes
+    paint = (*new.paint[:at], change.stroke, *new.paint[at + 1 :])
+    dabs = sum(len(stroke.points) for stroke in paint)
+    if dabs > MOST_DABS:
+        raise InputError(
+            "SetPaint.points",
+            f"{dabs} dabs of paint in all, at most {MOST_DABS}; erase some, or take a larger brush",
+        )
+    return replace(new, paint=paint)
+
+
 def _with_lamp(new: State, change: SetLamp | RemoveLamp) -> State:
     name = change.lamp.id if isinstance(change, SetLamp) else change.id
     others = tuple(lamp for lamp in new.lamps if lamp.id != name)
@@ -141,6 +183,16 @@ def lit_discs(state: State) -> tuple[Disc, ...]:
         for d in state.discs
         if any(d.radiance)
     )
+
+
+def painted(environment: Environment, paint: tuple[PaintStroke, ...]) -> Environment:
+    """An environment as turned, scaled and tinted, with strokes over it, as ``[[paint]]`` of a rig file."""
+    for stroke in paint:
+        for azimuth, elevation in stroke.points:
+            x, y, z = pointing(azimuth, elevation).tolist()
+            region = Cap((x, y, z), stroke.radius_deg, stroke.softness)
+            environment = environment.painted(region, stroke.radiance, opacity=stroke.opacity)
+    return environment
 
 
 def sky_id(state: State) -> str:

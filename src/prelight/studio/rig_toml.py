@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from typing import Any
@@ -14,12 +14,13 @@ import numpy as np
 
 from ..errors import InputError
 from ..lighting.moment import Site, moment_of
-from ..lighting.rig_file import DiscTable, RigTables, checked_tables
+from ..lighting.rig_file import DiscTable, PaintTable, RigTables, checked_tables
 from ..lighting.rig_sky import SunTable
 from .environments import DAYLIGHT, Environments, clock
+from .fields import MOST_DABS
 from .placed import glass_of, glass_table, lamp_table, lamps_of
 from .protocol import MOST_DISCS, MOST_LAMPS, State
-from .protocol_values import DiscLight, Sun
+from .protocol_values import DiscLight, PaintStroke, Sun
 from .rig_state import WHITE
 
 _GROUND = (0.25, 0.25, 0.25)
@@ -41,6 +42,11 @@ def rig_tables(state: State, environments: Environments, *, takes: tuple[str, ..
             {"name": d.id, "azimuth_deg": d.azimuth_deg, "elevation_deg": d.elevation_deg,
              "radius_deg": d.radius_deg, "radiance": d.radiance, "softness": d.softness}
             for d in state.discs
+        ]  # fmt: skip
+        tables["paint"] = [
+            {"name": s.id, "azimuth_deg": azimuth, "elevation_deg": elevation, "radius_deg": s.radius_deg,
+             "softness": s.softness, "radiance": s.radiance, "opacity": s.opacity}
+            for s in state.paint for azimuth, elevation in s.points
         ]  # fmt: skip
     for lamp in state.lamps:
         if ("lamps" if lamp.layer is None else "steered") in takes:
@@ -106,8 +112,7 @@ def opened_rig(text: str, start: State, environments: Environments) -> State:
     except (tomllib.TOMLDecodeError, ValueError, RecursionError) as error:
         raise InputError("rig", f"not a TOML rig: {str(error)[:120]}") from None
     tables = checked_tables(document, "rig")
-    if tables.paint:
-        raise InputError("rig", "has [[paint]], which the page cannot show yet")
+    paint = _strokes(tables.paint)
     lamps = lamps_of(tables)
     if len(tables.disc) > MOST_DISCS or len(lamps) > MOST_LAMPS:
         raise InputError("rig", f"at most {MOST_DISCS} discs and {MOST_LAMPS} lamps can be shown")
@@ -115,7 +120,9 @@ def opened_rig(text: str, start: State, environments: Environments) -> State:
     discs = tuple(_disc(d, f"d{n}") for n, d in enumerate(tables.disc))
     world = None if tables.outside is None else environments.worlds.key_of(document["outside"])
     seconds = state.seconds if world == state.world else 0.0
-    return replace(state, discs=discs, lamps=lamps, glass=glass_of(tables), world=world, seconds=seconds)
+    return replace(
+        state, discs=discs, paint=paint, lamps=lamps, glass=glass_of(tables), world=world, seconds=seconds
+    )
 
 
 def _with_sky(tables: RigTables, start: State, environments: Environments) -> State:
@@ -151,10 +158,35 @@ def _with_sun(table: SunTable, start: State) -> State:
 
 
 def _disc(table: DiscTable, identity: str) -> DiscLight:
+    return DiscLight(identity, *_angles(table), table.radius_deg, table.radiance, table.softness)
+
+
+def _strokes(tables: Sequence[PaintTable]) -> tuple[PaintStroke, ...]:
+    """Round regions as strokes: those that follow each other alike and have one name are one."""
+    if any(table.radius_deg is None for table in tables):
+        raise InputError("rig", "has [[paint]] with ranges of angles, which the page cannot show yet")
+    if len(tables) > MOST_DABS:
+        raise InputError("rig", f"at most {MOST_DABS} tables [[paint]] can be shown, {len(tables)} are there")
+    strokes: list[PaintStroke] = []
+    name = None
+    for n, table in enumerate(tables):
+        assert table.radius_deg is not None  # checked above
+        point, softness = _angles(table), table.softness or 0.0
+        one = PaintStroke(f"p{n}", table.radius_deg, table.radiance, softness, table.opacity, (point,))
+        last = strokes[-1] if strokes and name is not None and name == table.name else None
+        if last is not None and replace(one, id=last.id, points=last.points) == last:
+            strokes[-1] = replace(last, points=(*last.points, point))
+        else:
+            strokes.append(one)
+        name = table.name
+    return tuple(strokes)
+
+
+def _angles(table: DiscTable | PaintTable) -> tuple[float, float]:
     azimuth, elevation = table.azimuth_deg, table.elevation_deg
     if table.direction is not None:
         x, y, z = np.array(table.direction) / max(float(np.linalg.norm(table.direction)), _LEAST)
         azimuth, elevation = math.degrees(math.atan2(x, -z)), math.degrees(math.asin(max(-1.0, min(1.0, y))))
     assert azimuth is not None  # one or the other: rig_file
     assert elevation is not None
-    return DiscLight(identity, azimuth, elevation, table.radius_deg, table.radiance, table.softness)
+    return azimuth, elevation

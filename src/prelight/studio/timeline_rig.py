@@ -22,6 +22,7 @@ _WORDS = {
     "tint": "tints of the sky",
     "sun": "hours",
     "discs": "lights in the sky",
+    "paint": "paint on the sky",
     "world": "worlds outside",
     "seconds": "moments outside",
 }

@@ -27,7 +27,7 @@ def messages_module() -> str:
     """The text of ``messages.ts``."""
     client, server = get_args(protocol.ClientMessage), get_args(protocol.ServerMessage)
     parts = [
-        values.CameraView, values.EnvironmentChoice, values.DiscLight, values.LampLight, values.Sun,
+        values.CameraView, values.EnvironmentChoice, values.DiscLight, values.PaintStroke, values.LampLight, values.Sun,
         values.PortalGlass, values.PortalView, values.SteeredPlace, values.SteeredView, values.LookKey,
         values.WorldView, values.LayerPace,
     ]  # fmt: skip
@@ -72,7 +72,7 @@ def start_messages_module() -> str:
 
 def _constants() -> dict[str, int | float]:
     names = (
-        "PROTOCOL_VERSION", "MOST_DISCS", "MOST_LAMPS", "MOST_LOOKS",
+        "PROTOCOL_VERSION", "MOST_DISCS", "MOST_LAMPS", "MOST_LOOKS", "MOST_DABS",
         "FRAMES_IN_FLIGHT", "LARGEST_SCALE", "LARGEST_TINT", "LARGEST_RADIANCE",
         "SMALLEST_RADIUS_DEG", "LARGEST_RADIUS_DEG", "FRAME_MAGIC", "FRAME_EXACT",
         "FRAME_ASIDE", "FRAME_VIEW", "FRAME_SHINE", "FRAME_WORLD", "FRAME_TRACED", "WORLD_WIDTH", "WORLD_HEIGHT",
@@ -93,6 +93,12 @@ def _interface(kind: Any, *, tagged: bool, optional: bool) -> str:
     lines = [f'  type: "{kind.__name__}";'] if tagged else []
     lines += [_field(field, hints[field.name], optional=optional) for field in fields(kind)]
     comment = " ".join((kind.__doc__ or "").split())
+    if len(lines) <= 2:
+        return (
+            f"/** {comment} */\nexport interface {kind.__name__} {{ "
+            + " ".join(map(str.strip, lines))
+            + " }\n"
+        )
     return f"/** {comment} */\nexport interface {kind.__name__} {{\n" + "\n".join(lines) + "\n}\n"
 
 

@@ -27,7 +27,7 @@ from .lit_rows import View, halves
 from .placed import layered_tracks, placed_track_of, set_glass
 from .protocol import State
 from .protocol_values import LayerPace
-from .rig_state import lit_discs, sky_id
+from .rig_state import lit_discs, painted, sky_id
 
 _DARK = Environment.dark()
 _EVEN = np.ones(3, np.float32)
@@ -144,7 +144,7 @@ class WholeLight:
     def _sky_key(self, state: State, *, exact: bool) -> tuple:
         """Of the environment as a rig has it; the last says whether it is the exact one."""
         name = sky_id(state)
-        known = (name, state.rotation_deg, state.scale, state.tint, lit_discs(state))
+        known = (name, state.rotation_deg, state.scale, state.tint, state.paint, lit_discs(state))
         is_lit = self._sky is not None and self._sky[0] == (*known, True)
         return (*known, exact or is_lit)
 
@@ -158,7 +158,7 @@ class WholeLight:
             whole = self._environments.open(sky_id(state), roughly=not key[-1])
             degrees = state.rotation_deg
             base = whole.rotated(degrees) if key[-1] else turned(self._small(whole), degrees)
-            base = base.scaled(state.scale).tinted(state.tint)
+            base = painted(base.scaled(state.scale).tinted(state.tint), state.paint)
             self._sky = key, base.with_discs([*base.discs, *lit_discs(state)])
         return self._sky[1]
 

@@ -72,6 +72,12 @@ export function toHex(colour: Readonly<Rgb>): string {
   return `#${bytes.map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
 }
 
+/** Bytes of a colour on the screen; one that is too bright keeps its hue. */
+export function toScreen(colour: Readonly<Rgb>): Rgb {
+  const most = Math.max(...colour, 1);
+  return colour.map((value) => Math.round(255 * encode(value / most))) as Rgb;
+}
+
 /** The hue, at luminance one, of a colour from a picker. */
 export function fromHex(hex: string): Rgb {
   const bytes = [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16) || 0);

@@ -19,6 +19,10 @@ export function subject(change: Change): string | null {
     case "SetDisc":
     case "RemoveDisc":
       return `disc ${change.id}`;
+    case "SetPaint":
+      return `paint ${change.stroke.id}`;
+    case "RemovePaint":
+      return `paint ${change.id}`;
     case "SetLamp":
       return `lamp ${change.lamp.id}`;
     case "SetGlass":
@@ -90,6 +94,10 @@ export function applied(look: Look, change: Change): Look {
     }
     case "RemoveDisc":
       return { ...look, discs: look.discs.filter(({ id }) => id !== change.id) };
+    case "SetPaint":
+      return { ...look, paint: put(look.paint, change.stroke, "id") };
+    case "RemovePaint":
+      return { ...look, paint: look.paint.filter(({ id }) => id !== change.id) };
     case "SetLamp":
       return { ...look, lamps: put(look.lamps, change.lamp, "id") };
     case "RemoveLamp":

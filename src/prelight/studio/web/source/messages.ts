@@ -1,9 +1,10 @@
 // Written by prelight.studio.typescript from protocol.py: change that and write this anew.
 
-export const PROTOCOL_VERSION = 5;
+export const PROTOCOL_VERSION = 6;
 export const MOST_DISCS = 32;
 export const MOST_LAMPS = 32;
 export const MOST_LOOKS = 32;
+export const MOST_DABS = 96;
 export const FRAMES_IN_FLIGHT = 2;
 export const LARGEST_SCALE = 1000000.0;
 export const LARGEST_TINT = 1000.0;
@@ -36,10 +37,7 @@ export interface CameraView {
 }
 
 /** A map to choose: what a message calls it, and what it is in one line. */
-export interface EnvironmentChoice {
-  id: string;
-  title: string;
-}
+export interface EnvironmentChoice { id: string; title: string; }
 
 /** A disc light as it is. */
 export interface DiscLight {
@@ -49,6 +47,16 @@ export interface DiscLight {
   radius_deg: number;
   radiance: [number, number, number];
   softness: number;
+}
+
+/** A stroke of paint on the environment: round regions, one after another, mixed with a colour. ``points``: azimuth and elevation of each; all have the same radius, edge, radiance and opacity. */
+export interface PaintStroke {
+  id: string;
+  radius_deg: number;
+  radiance: [number, number, number];
+  softness: number;
+  opacity: number;
+  points: [number, number][];
 }
 
 /** A light with a place in the scene. ``strength``: lumens of a lamp and a panel, candela along the beam of a spot. ``dim`` is its share that is lit. A spot's ``beam_deg`` is its half intensity's whole width; a lamp has no target. ``layer``: the steerable layer that it belongs to; then a spot's place is the layer's own, and a panel's ``position`` and ``size`` are parts of the layer's panel, its ``strength`` cd/m². */
@@ -88,10 +96,7 @@ export interface PortalGlass {
 }
 
 /** A portal, and what its glass lets through as built. */
-export interface PortalView {
-  name: string;
-  tint: [number, number, number];
-}
+export interface PortalView { name: string; tint: [number, number, number]; }
 
 /** A steerable layer: what lights may stand in it, and where it is. ``kind``: a spot or a sky takes spots, a panel or a box takes panels; ``origin`` is a spot's place. */
 export interface SteeredPlace {
@@ -109,10 +114,7 @@ export interface SteeredView {
 }
 
 /** A keyframe of the timeline: a look, and the second at which it is lit; from one to the next it fades. */
-export interface LookKey {
-  at: number;
-  look: string;
-}
+export interface LookKey { at: number; look: string; }
 
 /** A moving world that the windows may look out on, and when it comes to rest, seconds. */
 export interface WorldView {
@@ -130,10 +132,7 @@ export interface LayerPace {
 }
 
 /** The first message: the version of the protocol that the page was made for. */
-export interface Hello {
-  type: "Hello";
-  version: number;
-}
+export interface Hello { type: "Hello"; version: number; }
 
 /** Change what is given of the environment: which map, its turn, scale and tint. ``dragging``: more will come. */
 export interface SetEnvironment {
@@ -165,10 +164,20 @@ export interface SetDisc {
 }
 
 /** Put out a disc. */
-export interface RemoveDisc {
-  type: "RemoveDisc";
-  id: string;
+export interface RemoveDisc { type: "RemoveDisc"; id: string; }
+
+/** Paint a stroke over what is there, or change the one of this id: all of it. Directions are the scene's. */
+export interface SetPaint {
+  type: "SetPaint";
+  stroke: PaintStroke;
+  dragging?: boolean;
 }
+
+/** Take a stroke of paint away. */
+export interface RemovePaint { type: "RemovePaint"; id: string; }
+
+/** Take all paint away. */
+export interface ClearPaint { type: "ClearPaint"; }
 
 /** Put up a lamp, or change the one of this id: all of it. */
 export interface SetLamp {
@@ -178,10 +187,7 @@ export interface SetLamp {
 }
 
 /** Take down a lamp. */
-export interface RemoveLamp {
-  type: "RemoveLamp";
-  id: string;
-}
+export interface RemoveLamp { type: "RemoveLamp"; id: string; }
 
 /** Change the glass of a portal, one of ``Welcome.portals``: all of it. */
 export interface SetGlass {
@@ -199,50 +205,28 @@ export interface SetWorld {
 }
 
 /** The keyframes of looks, all of them, at times that rise. */
-export interface SetTimeline {
-  type: "SetTimeline";
-  keys: LookKey[];
-}
+export interface SetTimeline { type: "SetTimeline"; keys: LookKey[]; }
 
 /** Take back the last change, whoever made it. */
-export interface Undo {
-  type: "Undo";
-}
+export interface Undo { type: "Undo"; }
 
 /** Make the change again that was taken back last. */
-export interface Redo {
-  type: "Redo";
-}
+export interface Redo { type: "Redo"; }
 
 /** Keep the light as it is under a name; one that is known is replaced. */
-export interface SaveLook {
-  type: "SaveLook";
-  name: string;
-}
+export interface SaveLook { type: "SaveLook"; name: string; }
 
 /** Light as it was kept under a name. */
-export interface ShowLook {
-  type: "ShowLook";
-  name: string;
-}
+export interface ShowLook { type: "ShowLook"; name: string; }
 
 /** Forget what is kept under a name. */
-export interface RemoveLook {
-  type: "RemoveLook";
-  name: string;
-}
+export interface RemoveLook { type: "RemoveLook"; name: string; }
 
 /** Light as a rig file says (TOML, docs/rig.md), as far as a page can show it. */
-export interface OpenRig {
-  type: "OpenRig";
-  text: string;
-}
+export interface OpenRig { type: "OpenRig"; text: string; }
 
 /** Answer ``Marked`` when every change before this has been carried out or refused. */
-export interface Mark {
-  type: "Mark";
-  number: number;
-}
+export interface Mark { type: "Mark"; number: number; }
 
 /** Send the light of a look to this page, once, beside the one that is lit: ``Compared``, then a frame. Null: the light before the last step that can be undone. With an eye, what depends on it follows where there is such: one more frame, flagged ``FRAME_ASIDE | FRAME_VIEW``. */
 export interface Compare {
@@ -252,10 +236,7 @@ export interface Compare {
 }
 
 /** Send what depends on the eye, once, as it is seen from here: a frame flagged ``FRAME_VIEW``. */
-export interface LookFrom {
-  type: "LookFrom";
-  eye: [number, number, number];
-}
+export interface LookFrom { type: "LookFrom"; eye: [number, number, number]; }
 
 /** Let the path tracer make the picture of a camera under the light as it is now: ``Traced`` and frames follow. */
 export interface Trace {
@@ -269,19 +250,14 @@ export interface Trace {
 }
 
 /** No more of it. */
-export interface StopTrace {
-  type: "StopTrace";
-}
+export interface StopTrace { type: "StopTrace"; }
 
 /** A radiance frame has arrived, and the next may be sent. */
-export interface Seen {
-  type: "Seen";
-  frame: number;
-}
+export interface Seen { type: "Seen"; frame: number; }
 
-export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
+export type Change = SetEnvironment | SetSun | SetDisc | RemoveDisc | SetPaint | RemovePaint | ClearPaint | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig;
 
-export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Mark | Compare | LookFrom | Trace | StopTrace | Seen;
+export type ClientMessage = Hello | SetEnvironment | SetSun | SetDisc | RemoveDisc | SetPaint | RemovePaint | ClearPaint | SetLamp | RemoveLamp | SetGlass | SetWorld | SetTimeline | Undo | Redo | SaveLook | ShowLook | RemoveLook | OpenRig | Mark | Compare | LookFrom | Trace | StopTrace | Seen;
 
 /** The answer to ``Hello``: what is shown, what can be chosen, and how the rig stands. ``bake`` tells one bake from another, and is in ``/geometry.json`` too. ``receivers`` are the rows of a radiance frame: the vertices, or where ``pixels`` is (width, height) those of the picture that the first camera sees. ``eye``: the camera that highlights are right for, if one is fixed. ``takes``: what some layer of the bake can be lit by. ``portals``: those whose glass can be set; the array ``pane`` of the geometry has for each vertex of glass its number among them, from 1. ``glossy``: whether surfaces shine toward the eye (``LookFrom``). ``steered``: what steerable layers light, whose pixels follow the vertices in a frame. ``no_tracer``: why no path tracer is there; null: it is. */
 export interface Welcome {
@@ -310,7 +286,7 @@ export interface Welcome {
   state: State;
 }
 
-/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what these would do, in words; null: nothing. ``looks``: the names of what is kept; ``timeline``: keyframes of them. ``world``: what is outside, as it is at ``seconds``; null: only the sky. */
+/** The rig as all visitors see it, after change number ``sequence``, which visitor ``author`` made. ``stops``: the exposure that suits the map by itself; null until it has been opened. ``undo`` and ``redo``: what these would do, in words; null: nothing. ``looks``: the names of what is kept; ``timeline``: keyframes of them. ``world``: what is outside, as it is at ``seconds``; null: only the sky. ``paint``: strokes, the first one below. */
 export interface State {
   type: "State";
   sequence: number;
@@ -326,6 +302,7 @@ export interface State {
   stops: number | null;
   world: string | null;
   seconds: number;
+  paint: PaintStroke[];
   looks: string[];
   timeline: LookKey[];
   undo: string | null;
@@ -363,10 +340,7 @@ export interface Traced {
 }
 
 /** What the studio is busy with before the first picture; null: nothing any more. */
-export interface Waiting {
-  type: "Waiting";
-  reason: string | null;
-}
+export interface Waiting { type: "Waiting"; reason: string | null; }
 
 /** How fast it goes: the last frame's relighting, its bytes, and frames a second sent to this page of late. */
 export interface Pace {

@@ -1,7 +1,9 @@
 // The rig as this page shows it: what the studio said last, and what is being changed here before it answers.
 
 import { Edits, applied } from "./edits";
-import type { Change, DiscLight, LampLight, LookKey, Mark, Marked, PortalGlass, SetEnvironment, State, Sun } from "./messages";
+import type {
+  Change, DiscLight, LampLight, LookKey, Mark, Marked, PaintStroke, PortalGlass, SetEnvironment, State, Sun,
+} from "./messages";
 import { Outbox } from "./outbox";
 
 export type Look = Omit<State, "type" | "sequence" | "author">;
@@ -13,7 +15,7 @@ export const DAYLIGHT = "daylight";
 const NO_SUN: Sun = { latitude_deg: 0, longitude_deg: 0, date: "2026-06-21", hour: 12, zone: null, turbidity: 2.5 };
 const DARK: Look = {
   environment: "", rotation_deg: 0, scale: 1, tint: [1, 1, 1], sun: NO_SUN, discs: [], lamps: [], glass: [],
-  stops: null, world: null, seconds: 0, looks: [], timeline: [], undo: null, redo: null,
+  stops: null, world: null, seconds: 0, paint: [], looks: [], timeline: [], undo: null, redo: null,
 };
 
 /** What the studio calls the sky of a look: of daylight, that of its hour. */
@@ -84,6 +86,14 @@ export class Rig {
 
   removeDisc(id: string): void {
     this.put({ type: "RemoveDisc", id });
+  }
+
+  putPaint(stroke: PaintStroke, { dragging = false } = {}): void {
+    this.put({ type: "SetPaint", stroke, dragging });
+  }
+
+  removePaint(id: string): void {
+    this.put({ type: "RemovePaint", id });
   }
 
   setSun(sun: Sun, { dragging = false } = {}): void {

@@ -16,10 +16,7 @@ export interface Wish {
 }
 
 /** A built-in scene, and what it is. */
-export interface StockView {
-  scene: string;
-  title: string;
-}
+export interface StockView { scene: string; title: string; }
 
 /** A layer that is wanted, what it costs as ``--dry-run --json`` says it, and how much of it is done. ``command``: what does the same in a terminal. */
 export interface LayerView {
@@ -55,16 +52,10 @@ export interface ProjectView {
 }
 
 /** The first message: the version of the protocol that the page was made for. */
-export interface Hello {
-  type: "Hello";
-  version: number;
-}
+export interface Hello { type: "Hello"; version: number; }
 
 /** Begin with a built-in scene. */
-export interface ChooseStock {
-  type: "ChooseStock";
-  scene: string;
-}
+export interface ChooseStock { type: "ChooseStock"; scene: string; }
 
 /** Begin with files that were sent: ``main`` is the one to read, which names the others. */
 export interface TakeUpload {
@@ -81,22 +72,13 @@ export interface SetWish {
 }
 
 /** Begin, or go on where it was stopped. */
-export interface Bake {
-  type: "Bake";
-  project: string;
-}
+export interface Bake { type: "Bake"; project: string; }
 
 /** Stop; what is done is kept. */
-export interface Stop {
-  type: "Stop";
-  project: string;
-}
+export interface Stop { type: "Stop"; project: string; }
 
 /** Show a finished bake in the studio, to everybody. */
-export interface OpenBake {
-  type: "OpenBake";
-  project: string;
-}
+export interface OpenBake { type: "OpenBake"; project: string; }
 
 export type StartMessage = Hello | ChooseStock | TakeUpload | SetWish | Bake | Stop | OpenBake;
 
@@ -111,16 +93,10 @@ export interface Workshop {
 }
 
 /** The scene that this page has begun with. */
-export interface Taken {
-  type: "Taken";
-  project: string;
-}
+export interface Taken { type: "Taken"; project: string; }
 
 /** The studio shows another bake now: at its page. */
-export interface Opened {
-  type: "Opened";
-  project: string;
-}
+export interface Opened { type: "Opened"; project: string; }
 
 /** A message of the page that was not obeyed, and why, in one line; nothing has changed. */
 export interface Refused {

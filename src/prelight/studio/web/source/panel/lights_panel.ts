@@ -1,9 +1,10 @@
-// Disc lights: add them, drag them on the strip, dim, size, soften, colour and remove them.
+// The strip of the sky with its brush, and disc lights: add them, drag them on the strip, dim, size, soften, colour and remove them.
 
 import { COOLEST, NEUTRAL, type Rgb, WARMEST } from "../colour";
 import { fromHex, hue, kelvinOf, luminance, ofKelvin, times, toHex } from "../colour";
 import type { DiscLight } from "../messages";
 import type { Look, Rig } from "../rig";
+import { Brush } from "./brush";
 import { button, element, section, slider, stops, wrapped } from "./elements";
 import { Strip } from "./strip";
 
@@ -19,6 +20,7 @@ const LARGEST_DEG = 45;
 export class LightsPanel {
   readonly part: HTMLElement;
   readonly strip: Strip;
+  private readonly brush: Brush;
   private readonly add = button("Add a light", () => this.addAside(), { class: "quiet", title: "Add a light (L)" });
   private readonly settings = element("div", { class: "settings" });
   private readonly tint = element("input", { type: "color", "aria-label": "Colour of the light", title: "Colour" });
@@ -29,11 +31,18 @@ export class LightsPanel {
   private most = Infinity;
 
   constructor(private readonly rig: Rig, placing: HTMLElement) {
+    this.brush = new Brush(rig, () => {
+      this.strip.take(this.brush.tool, this.brush.radius);
+      this.show(rig.look);
+    });
     this.strip = new Strip({
       move: (disc, dragging) => rig.putDisc(disc, { dragging }),
       select: (id) => this.select(id),
       remove: (id) => this.remove(id),
       add: (azimuth, elevation) => this.addAt(azimuth, elevation),
+      begin: (azimuth, elevation) => this.brush.begin(azimuth, elevation),
+      go: (azimuth, elevation) => this.brush.go(azimuth, elevation),
+      end: () => this.brush.end(),
     });
     this.sliders = this.makeSliders();
     this.tint.addEventListener("input", () => this.paint(fromHex(this.tint.value), true));
@@ -43,7 +52,7 @@ export class LightsPanel {
     const coloured = element("div", { class: "with-colour" }, warmth.row, this.tint);
     this.settings.append(placing, strength.row, size.row, softness.row, coloured);
     const buttons = element("div", { class: "buttons" }, this.add, remove);
-    this.part = section("Lights in the sky", this.strip.box, this.settings, buttons);
+    this.part = section("Lights in the sky", this.strip.box, this.brush.tools.row, this.brush.settings, this.settings, buttons);
     this.remover = remove;
   }
 
@@ -59,7 +68,8 @@ export class LightsPanel {
   show(look: Look): void {
     const disc = look.discs.find(({ id }) => id === this.selected) ?? null;
     this.strip.show(look, this.selected);
-    this.settings.hidden = this.remover.hidden = disc === null;
+    this.brush.show(look);
+    this.settings.hidden = this.remover.hidden = disc === null || this.brush.tool !== "lights";
     this.add.disabled = look.discs.length >= this.most;
     if (disc === null) return;
     this.sliders.strength.show(Math.log2(Math.max(power(disc), 2 ** DIMMEST)));

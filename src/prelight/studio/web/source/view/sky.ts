@@ -10,15 +10,17 @@ import {
   Vector3,
   Vector4,
 } from "three";
-import type { DiscLight } from "../messages";
+import type { PaintStroke } from "../messages";
 import { MOST_DISCS, WORLD_HEIGHT, WORLD_WIDTH } from "../messages";
+import { depths, painted } from "../paint";
 import type { Look } from "../rig";
-import { radianceTexture } from "./textures";
+import { coverTexture, radianceTexture, toHalves } from "./textures";
 import { DISPLAY_GLSL, type Display } from "./display";
 
 const MAP_WIDTH = 512;
 const MAP_HEIGHT = 256;
-const DEEPEST = 1.5; // as in lighting/regions.py: no soft edge reaches further than 120 degrees
+const PAINT_WIDTH = 256;
+const PAINT_HEIGHT = 128; // of one look
 
 /** `vec3 sky(vec3 direction)`, unit; see docs/conventions.md for the map and for a disc's edge. */
 export const SKY_GLSL = `
@@ -26,6 +28,8 @@ uniform sampler2D map;
 uniform sampler2D otherMap;          // of the look to compare with: the second of everything below
 uniform vec3 skyGain[2];
 uniform float skyTurn[2];
+uniform sampler2D paint;             // premultiplied radiance and cover, as the scene is turned: of both, one below the other
+uniform int isPainted[2];
 uniform vec3 backdrop[2];
 uniform bool showsSky;
 uniform bool hasWorld;               // what is outside as the eye sees it, in place of the map and the discs
@@ -53,17 +57,25 @@ vec3 discsAlong(vec3 d, int first, int count) {
   return radiance;
 }
 
+vec3 skyBehind(vec3 d, vec3 radiance, int side) {
+  if (isPainted[side] == 0) return radiance;
+  vec2 at = mapPlace(d, 0.0);
+  float edge = 0.5 / ${PAINT_HEIGHT}.0;
+  vec4 over = texture(paint, vec2(at.x, 0.5 * (clamp(at.y, edge, 1.0 - edge) + float(side))));
+  return radiance * (1.0 - over.a) + over.rgb;
+}
+
 vec3 sky(vec3 d) {
   if (meaning == 2) return vec3(0.0);  // illuminance is of surfaces
   if (!showsSky) return meaning != 0 ? vec3(0.0) : mix(backdrop[0], backdrop[1], smoothstep(-0.25, 0.6, d.y)) / gain;
   vec3 radiance = hasWorld
     ? texture(world, mapPlace(d, 0.0)).rgb
-    : skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb + discsAlong(d, 0, discCount[0]);
+    : skyBehind(d, skyGain[0] * texture(map, mapPlace(d, skyTurn[0])).rgb, 0) + discsAlong(d, 0, discCount[0]);
   float t = hasTraced ? 0.0 : otherShare();
   if (t > 0.0) {
     vec3 other = hasOtherWorld
       ? texture(otherWorld, mapPlace(d, 0.0)).rgb
-      : skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb + discsAlong(d, ${MOST_DISCS}, discCount[1]);
+      : skyBehind(d, skyGain[1] * texture(otherMap, mapPlace(d, skyTurn[1])).rgb, 1) + discsAlong(d, ${MOST_DISCS}, discCount[1]);
     radiance = mix(radiance, other, t);
   }
   return radiance;
@@ -98,7 +110,7 @@ void main() {
 `;
 
 /** What of a look is seen behind the scene. */
-export type SkyLook = Pick<Look, "tint" | "scale" | "rotation_deg" | "discs" | "environment" | "sun">;
+export type SkyLook = Pick<Look, "tint" | "scale" | "rotation_deg" | "discs" | "paint" | "environment" | "sun">;
 export type SkyUniforms = ReturnType<typeof makeSkyUniforms>;
 
 export function makeSkyUniforms() {
@@ -107,6 +119,9 @@ export function makeSkyUniforms() {
     otherMap: { value: emptyMap() },
     skyGain: { value: [new Vector3(), new Vector3()] },
     skyTurn: { value: [0, 0] },
+    paint: { value: coverTexture(PAINT_WIDTH, 2 * PAINT_HEIGHT) },
+    paintShown: { value: ["", ""] }, // not of the shader: which strokes are in the texture
+    isPainted: { value: [0, 0] },
     backdrop: { value: [new Vector3(), new Vector3()] },
     showsSky: { value: true },
     hasWorld: { value: false },
@@ -172,6 +187,7 @@ export function showLook(uniforms: SkyUniforms, look: SkyLook, side: 0 | 1 = 0):
   const [red, green, blue] = look.tint;
   uniforms.skyGain.value[side]?.set(red, green, blue).multiplyScalar(look.scale);
   uniforms.skyTurn.value[side] = (look.rotation_deg * Math.PI) / 180;
+  showPaint(uniforms, look.paint, side);
   uniforms.discCount.value[side] = Math.min(look.discs.length, MOST_DISCS);
   look.discs.slice(0, MOST_DISCS).forEach((disc, i) => {
     const [begins, ends] = depths(disc);
@@ -181,11 +197,15 @@ export function showLook(uniforms: SkyUniforms, look: SkyLook, side: 0 | 1 = 0):
   });
 }
 
-/** 1 - cos of the angles where a disc begins to fall, and where it is dark. */
-function depths({ radius_deg, softness }: DiscLight): [number, number] {
-  const middle = 2 * Math.sin((radius_deg * Math.PI) / 360) ** 2;
-  const soft = softness * Math.min(middle, DEEPEST - middle);
-  return [middle - soft, middle + soft];
+function showPaint(uniforms: SkyUniforms, strokes: readonly PaintStroke[], side: 0 | 1): void {
+  uniforms.isPainted.value[side] = strokes.length > 0 ? 1 : 0;
+  const shown = JSON.stringify(strokes);
+  if (strokes.length === 0 || shown === uniforms.paintShown.value[side]) return;
+  uniforms.paintShown.value[side] = shown;
+  const texture = uniforms.paint.value;
+  const half = 4 * PAINT_WIDTH * PAINT_HEIGHT;
+  (texture.image.data as Uint16Array).set(toHalves(painted(strokes, PAINT_WIDTH, PAINT_HEIGHT)), side * half);
+  texture.needsUpdate = true;
 }
 
 /** The unit direction of an azimuth, from -Z towards +X, and an elevation, in degrees. */

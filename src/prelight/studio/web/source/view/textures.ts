@@ -2,8 +2,11 @@
 
 import {
   DataTexture,
+  DataUtils,
+  HalfFloatType,
   LinearFilter,
   LinearMipmapLinearFilter,
+  RGBAFormat,
   RGBFormat,
   RepeatWrapping,
   SRGBColorSpace,
@@ -22,6 +25,19 @@ export function radianceTexture(data: Uint32Array<ArrayBuffer>, width: number, h
   texture.wrapS = RepeatWrapping;
   texture.needsUpdate = true;
   return texture;
+}
+
+/** Four half floats a pixel, nothing to begin with. */
+export function coverTexture(width: number, height: number): DataTexture {
+  const texture = new DataTexture(new Uint16Array(4 * width * height), width, height, RGBAFormat, HalfFloatType);
+  texture.magFilter = texture.minFilter = LinearFilter;
+  texture.wrapS = RepeatWrapping;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+export function toHalves(values: Float32Array): Uint16Array {
+  return Uint16Array.from(values, (value) => (value === 0 ? 0 : DataUtils.toHalfFloat(Math.min(value, 65504))));
 }
 
 /** A texture, white until it has arrived. Row 0 is v = 0. */
