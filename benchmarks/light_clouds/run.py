@@ -51,6 +51,14 @@ def paths(name: str, data: Path, work: Path) -> dict[str, Any]:
     return measuring.against_paths(light, scene, measuring.between(scene, light.layer), areas_of(scene))
 
 
+def moves(name: str, data: Path, work: Path) -> dict[str, Any]:
+    """A move of ten lamps beside the path tracer at equal error, one right after the other."""
+    scene = scene_of(name, data)
+    light = CloudRelighter(baked(name, scene, work)[0])
+    places = measuring.between(scene, light.layer, 10)
+    return measuring.at_equal_error(light, scene, places, areas_of(scene))
+
+
 def grid_columns(name: str, data: Path, work: Path) -> dict[str, Any]:
     """What components lose of the grid's own lights: indirect light against uncompressed, at 16 coefficients."""
     scene = scene_of(name, data)
@@ -106,12 +114,28 @@ def growth(count: int, data: Path, work: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def growth_updates(data: Path, work: Path) -> dict[str, Any]:
+    """Milliseconds of an update at each number of lights, taken in turns so that what else runs weighs on all alike."""
+    scene = scene_of("room-small", data)
+    lights = {n: CloudRelighter(baked("room-small", scene, work, lights=n)[0]) for n in GROWTH}
+    took: dict[int, list[float]] = {n: [] for n in GROWTH}
+    for at in measuring.between(scene, lights[GROWTH[0]].layer, 105):
+        for n, light in lights.items():
+            light.shine([measuring.point(at)])
+            took[n].append(light.last.milliseconds)
+    return {"milliseconds": {n: float(np.median(values[5:])) for n, values in took.items()}}
+
+
 def growth_plot(results: Path, data: Path, work: Path) -> dict[str, Any]:
     """What growth has been found so far, drawn as times what the fewest lights cost."""
     kept = {n: results / f"growth-{n}.json" for n in GROWTH}
     found = {n: json.loads(path.read_text())["figures"] for n, path in kept.items() if path.exists()}
-    if len(found) < 2:
-        return {"skipped": "growth of two numbers of lights is wanted first"}
+    updates = results / "growth-updates.json"
+    if len(found) < 2 or not updates.exists():
+        return {"skipped": "growth of two numbers of lights and growth-updates are wanted first"}
+    for n, milliseconds in json.loads(updates.read_text())["figures"]["milliseconds"].items():
+        if int(n) in found:
+            found[int(n)]["milliseconds"] = milliseconds
     figures.growth(found)
     return {"lights": sorted(found), "files": ["growth.png"]}
 
@@ -167,9 +191,10 @@ LARGE = ("cornell", "window", "maze", "sponza")
 PARTS: dict[str, Callable[[Path, Path], dict[str, Any]]] = {}
 for _name in (*BOXES, *LARGE):
     PARTS |= {f"{_name}-{kind}": partial(row, _name, kind) for kind in ("ours", "paper")}
-    PARTS |= {f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths)}
+    PARTS |= {f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths, moves)}
 PARTS |= {"coefficients": coefficients, "falloff": falloff, "hole": hole, "leak": leak}
 PARTS |= {f"growth-{count}": partial(growth, count) for count in GROWTH}
+PARTS |= {"growth-updates": growth_updates}
 PARTS |= {"growth": partial(growth_plot, Path())}  # where its results are, `main` knows
 PARTS |= {f"transfer-{name}": partial(transfer, name) for name in ("room-small", "maze-small")}
 PARTS |= {f"pictures-{name}": partial(pictures, name) for name in SCENES if name != "room-small"}
