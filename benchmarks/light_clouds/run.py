@@ -191,7 +191,9 @@ LARGE = ("cornell", "window", "maze", "sponza")
 PARTS: dict[str, Callable[[Path, Path], dict[str, Any]]] = {}
 for _name in (*BOXES, *LARGE):
     PARTS |= {f"{_name}-{kind}": partial(row, _name, kind) for kind in ("ours", "paper")}
-    PARTS |= {f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths, moves)}
+    PARTS |= {
+        f"{_name}-{part.__name__}": partial(part, _name) for part in (lamps, grid_columns, paths, moves)
+    }
 PARTS |= {"coefficients": coefficients, "falloff": falloff, "hole": hole, "leak": leak}
 PARTS |= {f"growth-{count}": partial(growth, count) for count in GROWTH}
 PARTS |= {"growth-updates": growth_updates}
